@@ -1,7 +1,12 @@
-//! All changes together at one instant.
+//! Changes in time, and all together at one instant.
 
-use super::change::{Change, Parameter};
-use super::course::RunningChange;
+use std::f64::consts::TAU;
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
+
+use super::{Change, Course, Parameter};
 
 /// The grid, seconds; a power of two, so that sums of steps are exact.
 const GRID_S: f64 = 0.125;
@@ -81,6 +86,48 @@ impl AgeingEffect {
     }
 }
 
+/// A change in progress. It advances on a fixed grid, so that its path does not depend on the
+/// time steps of the caller.
+#[derive(Debug, Clone)]
+struct RunningChange {
+    change: Change,
+    /// Time since its start; negative before it.
+    time_s: f64,
+    random: Pcg64Mcg,
+    walked: f64,
+}
+
+impl RunningChange {
+    /// `seed` determines a random walk.
+    fn new(change: Change, seed: u64) -> Self {
+        Self { time_s: -change.start_s, change, random: Pcg64Mcg::seed_from_u64(seed), walked: 0.0 }
+    }
+
+    fn step(&mut self, grid_s: f64) {
+        self.time_s += grid_s;
+        if let Course::RandomWalk { over_s } = self.change.course
+            && self.time_s > 0.0
+        {
+            let noise: f64 = StandardNormal.sample(&mut self.random);
+            self.walked += (grid_s / over_s).sqrt() * noise;
+        }
+    }
+
+    /// The change so far, in the unit of the parameter.
+    fn value(&self) -> f64 {
+        if self.time_s < 0.0 {
+            return 0.0;
+        }
+        self.change.by
+            * match self.change.course {
+                Course::Step {} => 1.0,
+                Course::Ramp { over_s } => (self.time_s / over_s).min(1.0),
+                Course::RandomWalk { .. } => self.walked,
+                Course::Oscillation { period_s } => (TAU * self.time_s / period_s).sin(),
+            }
+    }
+}
+
 #[derive(Debug, Clone)]
 pub(crate) struct Ageing {
     changes: Vec<RunningChange>,
@@ -127,7 +174,6 @@ impl Ageing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ageing::change::Course;
 
     fn change(parameter: Parameter, by: f64, course: Course) -> Change {
         Change { parameter, by, start_s: 10.0, motor: None, direction: None, course }

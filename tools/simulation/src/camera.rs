@@ -1,17 +1,13 @@
 //! The camera: angles of the snake at a fixed rate, with noise, latency and faults.
 
-mod fault;
-
 use std::collections::VecDeque;
 
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::Nanos;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
-
-use fault::CameraFaults;
-pub use fault::{CameraFault, TimedCameraFault};
+use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraConfig {
@@ -38,7 +34,9 @@ pub struct Camera {
     period: Nanos,
     next_exposure: Nanos,
     sequence: u64,
-    faults: CameraFaults,
+    faults: Vec<RunningFault>,
+    /// For the errors of outliers.
+    outliers: Pcg64Mcg,
     /// Captured, but not delivered yet, with the instants of delivery.
     pending: VecDeque<(Nanos, ExternalPosition)>,
 }
@@ -46,21 +44,22 @@ pub struct Camera {
 impl Camera {
     /// A camera whose first exposure is at `now`. `seed` determines noise and outliers.
     pub fn new(config: &CameraConfig, seed: u64, now: Nanos) -> Self {
-        let mut faults = CameraFaults::new(seed ^ 0xCA3E_7A00);
-        for fault in &config.faults {
-            faults.begin(fault, now);
-        }
         let is_valid = config.rate_hz > 0.0;
         let rate_hz = if is_valid { config.rate_hz.min(1000.0) } else { 1.0 };
-        Self {
+        let mut camera = Self {
             config: config.clone(),
             random: Pcg64Mcg::seed_from_u64(seed),
             period: Nanos((1e9 / rate_hz) as u64),
             next_exposure: now,
             sequence: 0,
-            faults,
+            faults: Vec::new(),
+            outliers: Pcg64Mcg::seed_from_u64(seed ^ 0xCA3E_7A00),
             pending: VecDeque::new(),
+        };
+        for fault in &config.faults {
+            camera.begin_fault(fault, now);
         }
+        camera
     }
 
     /// The instant of the next exposure or delivery.
@@ -71,7 +70,14 @@ impl Camera {
 
     /// Starts a fault, after its own `start_s`.
     pub fn begin_fault(&mut self, fault: &TimedCameraFault, now: Nanos) {
-        self.faults.begin(fault, now);
+        let span = |seconds: f64| Nanos((seconds * 1e9) as u64);
+        let from = now + span(fault.start_s);
+        self.faults.push(RunningFault {
+            from,
+            until: fault.for_s.map(|seconds| from + span(seconds)),
+            fault: fault.fault,
+            first: None,
+        });
     }
 
     pub fn clear_faults(&mut self) {
@@ -91,7 +97,7 @@ impl Camera {
             *position = angle.to_radians() + deviation * noise;
         }
         self.sequence += 1;
-        let frame = self.faults.apply(ExternalPosition {
+        let frame = self.faulty(ExternalPosition {
             sequence: self.sequence,
             stamp_ns: stamp.0,
             position,
@@ -108,12 +114,127 @@ impl Camera {
 
     /// The next frame whose delivery is due.
     pub fn deliver(&mut self, now: Nanos) -> Option<ExternalPosition> {
-        let (delivery, _) = self.pending.front()?;
-        if *delivery > now {
-            return None;
-        }
+        self.pending.front().filter(|(delivery, _)| *delivery <= now)?;
         self.pending.pop_front().map(|(_, frame)| frame)
     }
+
+    /// The frame delivered instead of a good one, if any.
+    fn faulty(&mut self, mut frame: ExternalPosition) -> Option<ExternalPosition> {
+        let exposed = Nanos(frame.stamp_ns);
+        let random = &mut self.outliers;
+        let is_on = |it: &&mut RunningFault| {
+            it.from <= exposed && it.until.is_none_or(|until| exposed < until)
+        };
+        for running in self.faults.iter_mut().filter(is_on) {
+            let [pitch, yaw, _] = &mut frame.position;
+            match running.fault {
+                CameraFault::Outliers { share, size_deg } => {
+                    if random.random::<f64>() < share {
+                        let size = size_deg.to_radians();
+                        *pitch += size * (2.0 * random.random::<f64>() - 1.0);
+                        *yaw += size * (2.0 * random.random::<f64>() - 1.0);
+                    }
+                }
+                CameraFault::Bias { deg } => {
+                    *pitch += deg[0].to_radians();
+                    *yaw += deg[1].to_radians();
+                }
+                CameraFault::Frozen {} => {
+                    frame.position = *running.first.get_or_insert(frame.position);
+                }
+                CameraFault::Swapped {} => std::mem::swap(pitch, yaw),
+                CameraFault::Mirrored { axes } => {
+                    let sign = axes.map(|mirrored| if mirrored { -1.0 } else { 1.0 });
+                    *pitch *= sign[0];
+                    *yaw *= sign[1];
+                }
+                CameraFault::LateStamps { ms } => {
+                    let stamp = frame.stamp_ns.saturating_add_signed((ms * 1e6) as i64);
+                    frame.stamp_ns = stamp;
+                }
+                CameraFault::Silent {} => return None,
+            }
+        }
+        Some(frame)
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "fault", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum CameraFault {
+    /// A share of the frames has errors, evenly distributed up to a size in pitch and in yaw.
+    Outliers {
+        /// 0 to 1.
+        share: f64,
+        /// Degrees.
+        size_deg: f64,
+    },
+    Bias {
+        /// Degrees.
+        deg: [f64; 2],
+    },
+    /// The angles of the first frame are repeated, with new stamps.
+    Frozen {},
+    Swapped {},
+    /// Pitch, yaw or both have the wrong sign.
+    Mirrored {
+        /// Pitch and yaw.
+        axes: [bool; 2],
+    },
+    /// The stamps are later than the exposures by this time; earlier if negative.
+    LateStamps {
+        /// Milliseconds.
+        ms: f64,
+    },
+    Silent {},
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TimedCameraFault {
+    /// When it begins, seconds after the start, or after the command.
+    #[serde(default)]
+    pub start_s: f64,
+    /// How long it lasts, seconds. Absent: to the end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub for_s: Option<f64>,
+    #[serde(flatten)]
+    pub fault: CameraFault,
+}
+
+impl TimedCameraFault {
+    /// Checks all values; the error is a sentence.
+    pub fn check(&self) -> Result<(), String> {
+        let within = |key: &str, value: f64, low: f64, high: f64| {
+            let wrong = || format!("camera.{key} = {value}: must be {low} to {high}");
+            (low..=high).contains(&value).then_some(()).ok_or_else(wrong)
+        };
+        within("start_s", self.start_s, 0.0, 1e9)?;
+        within("for_s", self.for_s.unwrap_or(0.0), 0.0, 1e9)?;
+        match self.fault {
+            CameraFault::Outliers { share, size_deg } => {
+                within("share", share, 0.0, 1.0)?;
+                within("size_deg", size_deg, 0.0, 180.0)
+            }
+            CameraFault::Bias { deg: [pitch, yaw] } => {
+                within("deg", pitch, -180.0, 180.0)?;
+                within("deg", yaw, -180.0, 180.0)
+            }
+            CameraFault::LateStamps { ms } => within("ms", ms, -10_000.0, 10_000.0),
+            CameraFault::Frozen {}
+            | CameraFault::Swapped {}
+            | CameraFault::Mirrored { .. }
+            | CameraFault::Silent {} => Ok(()),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct RunningFault {
+    from: Nanos,
+    until: Option<Nanos>,
+    fault: CameraFault,
+    /// The angles of its first frame, rad.
+    first: Option<[f64; 3]>,
 }
 
 #[cfg(test)]
