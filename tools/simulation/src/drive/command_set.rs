@@ -1,41 +1,49 @@
-//! The command sets of the two families: opcodes and parameters of requests.
+//! The command sets of the two families: opcodes and parameters of requests, abort codes.
 //!
 //! EPOS4: Communication Guide, chapter on the serial line. EPOS2: that of the first EPOS; its
 //! parameters come in another order (reference, section 2.1).
 
-use super::abort::Abort;
-use super::family::Family;
+use super::family::{Address, Family};
 use super::frame::Request;
 
+/// Why a request is refused: the first four bytes of a reply (EPOS4 Communication Guide,
+/// table 6-20).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Abort {
+    /// Toggle bit of a segment not alternated.
+    Toggle = 0x0503_0000,
+    /// No reply from a node on the CAN bus.
+    SdoTimeout = 0x0504_0000,
+    Crc = 0x0504_0004,
+    /// Access of this kind is not supported.
+    UnsupportedAccess = 0x0601_0000,
+    /// The object is write-only.
+    WriteOnly = 0x0601_0001,
+    /// The object is read-only.
+    ReadOnly = 0x0601_0002,
+    NoObject = 0x0602_0000,
+    /// Length of the data and of the object differ.
+    Length = 0x0607_0010,
+    NoSubindex = 0x0609_0011,
+    Range = 0x0609_0030,
+    /// The signature that protects storing is wrong.
+    CannotStore = 0x0800_0020,
+    /// Not allowed in this state of the drive.
+    WrongState = 0x0800_0022,
+    IllegalCommand = 0x0F00_FFBF,
+}
+
+/// A request. Node 0 of network management: all.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Service {
-    ReadObject {
-        index: u16,
-        sub: u8,
-    },
-    WriteObject {
-        index: u16,
-        sub: u8,
-        raw: u32,
-    },
-    InitiateSegmentedRead {
-        index: u16,
-        sub: u8,
-    },
-    SegmentRead {
-        toggle: bool,
-    },
-    InitiateSegmentedWrite {
-        index: u16,
-        sub: u8,
-        length: usize,
-    },
+    ReadObject(Address),
+    WriteObject(Address, u32),
+    InitiateSegmentedRead(Address),
+    SegmentRead { toggle: bool },
+    InitiateSegmentedWrite(Address, usize),
     SegmentedWrite(Segment),
-    /// Network management of a node; 0: all.
-    ManageNetwork {
-        node: u8,
-        command: u8,
-    },
+    ManageNetwork { node: u8, command: u8 },
 }
 
 /// One segment of a segmented write.
@@ -51,7 +59,7 @@ impl Service {
     /// Whether it takes more than one exchange. A gateway does not forward it.
     pub(super) const fn is_segmented(&self) -> bool {
         use Service::{ManageNetwork, ReadObject, WriteObject};
-        !matches!(self, ReadObject { .. } | WriteObject { .. } | ManageNetwork { .. })
+        !matches!(self, ReadObject(_) | WriteObject(..) | ManageNetwork { .. })
     }
 
     /// Whether the family replies to it. An EPOS2 does not reply to network management.
@@ -77,9 +85,8 @@ fn decode_epos4(opcode: u8, data: &[u8]) -> Result<Addressed, Abort> {
         (0x81, &[node, low, high, sub]) => initiate_read(node, [low, high], sub),
         (0x62, &[control, _]) => segment_read(control & 1 != 0),
         (0x69, &[node, low, high, sub, a, b, c, d]) => {
-            let index = u16::from_le_bytes([low, high]);
             let length = u32::from_le_bytes([a, b, c, d]) as usize;
-            (Some(node), Service::InitiateSegmentedWrite { index, sub, length })
+            (Some(node), Service::InitiateSegmentedWrite(address([low, high], sub), length))
         }
         (0x6A, &[length, control, ref bytes @ ..]) => {
             let (toggle, last) = (control & 1 != 0, control & 2 != 0);
@@ -106,19 +113,20 @@ fn decode_epos2(opcode: u8, data: &[u8]) -> Result<Addressed, Abort> {
     })
 }
 
+fn address(index: [u8; 2], sub: u8) -> Address {
+    (u16::from_le_bytes(index), sub)
+}
+
 fn read(node: u8, index: [u8; 2], sub: u8) -> Addressed {
-    let index = u16::from_le_bytes(index);
-    (Some(node), Service::ReadObject { index, sub })
+    (Some(node), Service::ReadObject(address(index, sub)))
 }
 
 fn write(node: u8, index: [u8; 2], sub: u8, raw: [u8; 4]) -> Addressed {
-    let (index, raw) = (u16::from_le_bytes(index), u32::from_le_bytes(raw));
-    (Some(node), Service::WriteObject { index, sub, raw })
+    (Some(node), Service::WriteObject(address(index, sub), u32::from_le_bytes(raw)))
 }
 
 fn initiate_read(node: u8, index: [u8; 2], sub: u8) -> Addressed {
-    let index = u16::from_le_bytes(index);
-    (Some(node), Service::InitiateSegmentedRead { index, sub })
+    (Some(node), Service::InitiateSegmentedRead(address(index, sub)))
 }
 
 fn segment_read(toggle: bool) -> Addressed {

@@ -3,13 +3,10 @@
 use i2ris::units::Nanos;
 
 use super::dictionary::Dictionary;
-use super::event::EventKind;
-use super::family::Mode;
-use super::fault::Fault;
-use super::motor::{DriveConfig, Motor};
-use super::object_map::{Address, ObjectMap};
-use super::profile::Demand;
-use super::segmented_transfer::SegmentedTransfer;
+use super::event::{EventKind, Fault};
+use super::family::{Address, Mode, ObjectMap};
+use super::motor::{Demand, DriveConfig, Motor};
+use super::service::SegmentedTransfer;
 use super::state::{State, Task};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -30,29 +30,12 @@ pub struct DeviceFileError {
     reason: String,
 }
 
-/// Objects that every drive has.
-const ESSENTIAL: [(u16, u8); 8] = [
-    (0x1018, 1),
-    (0x1018, 4),
-    (0x6040, 0),
-    (0x6041, 0),
-    (0x6060, 0),
-    (0x6061, 0),
-    (0x6064, 0),
-    (0x607A, 0),
-];
+/// Objects that every drive has, in addition to its identity.
+const ESSENTIAL: [u16; 6] = [0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x607A];
 
 /// The columns of a table, as an EDS names them.
-const COLUMNS: [&str; 8] = [
-    "index",
-    "subindex",
-    "datatype",
-    "accesstype",
-    "lowlimit",
-    "highlimit",
-    "defaultvalue",
-    "parametervalue",
-];
+const COLUMNS: &str =
+    "index,subindex,datatype,accesstype,lowlimit,highlimit,defaultvalue,parametervalue";
 
 /// The keys of an object, in lower case, with their values.
 type Keys<'a> = BTreeMap<String, &'a str>;
@@ -79,7 +62,9 @@ impl DeviceFile {
             let upper = |key| info(key).map(|number| number >> 16);
             (read_eds(&sections)?, upper("productnumber"), upper("revisionnumber"))
         };
-        if let Some((index, sub)) = ESSENTIAL.iter().find(|&it| !objects.contains_key(it)) {
+        let identity = [(0x1018, 1), (0x1018, 4)].into_iter();
+        let mut essential = identity.chain(ESSENTIAL.map(|index| (index, 0)));
+        if let Some((index, sub)) = essential.find(|it| !objects.contains_key(it)) {
             return Err(format!(
                 "truncated, or not a drive file: object 0x{index:04X}:{sub:02X} is missing"
             ));
@@ -109,7 +94,7 @@ fn read_csv(text: &str) -> Result<BTreeMap<(u16, u8), Keys<'_>>, String> {
             let address = fields.first().and_then(|index| number(index, Kind::U16));
             match (address.zip(fields.get(1).and_then(|sub| number(sub, Kind::U8))), fields.len()) {
                 (Some((index, sub)), 8) => {
-                    let keys = COLUMNS.map(str::to_owned).into_iter().zip(fields);
+                    let keys = COLUMNS.split(',').map(str::to_owned).zip(fields);
                     Ok(((index as u16, sub as u8), keys.collect()))
                 }
                 _ => Err(format!("line {} is truncated, or not an object: `{line:.40}`", at + 1)),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use i2ris::drive::objects::{self, Access, Entry, Kind};
 
-use super::abort::Abort;
+use super::command_set::Abort;
 use super::device_file::DeviceFile;
 use super::family::Family;
 

@@ -93,7 +93,10 @@ impl Parser {
         match (self.state, byte) {
             (State::Hunt, DLE) => self.state = State::Sync,
             (State::Hunt, _) | (State::Sync, DLE) => {}
-            (State::Sync | State::Escape, STX) => self.start(),
+            (State::Sync | State::Escape, STX) => {
+                self.reset();
+                self.state = State::Body;
+            }
             (State::Body, DLE) => self.state = State::Escape,
             (State::Body, _) | (State::Escape, DLE) => return self.take(byte),
             (State::Sync | State::Escape, _) => self.reset(),
@@ -108,11 +111,6 @@ impl Parser {
 
     pub fn reset(&mut self) {
         self.state = State::Hunt;
-        self.body.clear();
-    }
-
-    fn start(&mut self) {
-        self.state = State::Body;
         self.body.clear();
     }
 

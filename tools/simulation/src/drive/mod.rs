@@ -7,20 +7,18 @@
 //! | file | content |
 //! |---|---|
 //! | `device` | [`Drive`]: its state, start-up, encoder, snapshot |
-//! | `family`, `object_map` | EPOS4 and EPOS2: modes of operation, objects that differ |
-//! | `abort` | abort codes |
+//! | `family` | EPOS4 and EPOS2: modes of operation, objects that differ |
 //! | `dictionary` | values of the objects, checks on access, by the controller's table or a file |
 //! | `device_file` | objects of a real drive, as written by maxon's tool |
 //! | `state` | CiA 402 state machine, and the motor task of the drive |
-//! | `controlword`, `statusword` | effects of a controlword; objects computed when they are read |
+//! | `controlword` | effects of a controlword; objects computed when they are read |
 //! | `motion` | the modes of operation in every time step |
-//! | `profile`, `motor` | position demand, the motor that follows it, parameters of a drive |
+//! | `motor` | position demand, the motor that follows it, parameters of a drive |
 //! | `frame` | the V2 frame, from the drive's side |
-//! | `command_set` | opcodes and their parameters |
-//! | `service`, `segmented_transfer` | requests to replies, also of other drives on the CAN bus |
-//! | `fault`, `event` | fault codes, events for the log |
+//! | `command_set` | opcodes and their parameters, abort codes |
+//! | `service` | requests to replies, also of other drives on the CAN bus |
+//! | `event` | fault codes, events for the log |
 
-mod abort;
 mod command_set;
 mod controlword;
 mod device;
@@ -28,25 +26,19 @@ mod device_file;
 mod dictionary;
 pub(crate) mod event;
 mod family;
-mod fault;
 pub mod frame;
 mod motion;
 mod motor;
-mod object_map;
-mod profile;
-mod segmented_transfer;
 mod service;
 mod state;
-mod statusword;
 #[cfg(test)]
 mod tests;
 
-pub use abort::Abort;
+pub use command_set::Abort;
 pub use device::{Drive, DriveSnapshot};
 pub use device_file::{DeviceFile, DeviceFileError};
+pub use event::{Fault, Reaction};
 pub use family::{Family, Mode};
-pub use fault::{Fault, Reaction};
-pub use motor::{DriveConfig, Limits, Motor, MotorConfig};
-pub use profile::{Demand, ProfileLimits};
+pub use motor::{Demand, DriveConfig, Limits, Motor, MotorConfig, ProfileLimits};
 pub use service::{Gateway, Reply};
 pub use state::State;

@@ -2,11 +2,9 @@
 
 use super::controlword::{HALT, START};
 use super::device::{Drive, Homing, Setpoints};
-use super::event::EventKind;
+use super::event::{EventKind, Fault};
 use super::family::Mode;
-use super::fault::Fault;
-use super::motor::Limits;
-use super::profile::{Demand, ProfileLimits};
+use super::motor::{Demand, Limits, ProfileLimits};
 use super::state::{State, Task};
 
 /// How long the current must be above its threshold to indicate a hard stop, s.

@@ -1,13 +1,12 @@
-//! Requests to replies.
+//! Requests to replies, and the state of a segmented read or write.
 
 use i2ris::drive::objects::Kind;
 use i2ris::units::Nanos;
 
-use super::abort::Abort;
-use super::command_set::{Addressed, Service, decode};
+use super::command_set::{Abort, Addressed, Segment, Service, decode};
 use super::device::{Drive, factory_settings};
 use super::event::{EventKind, HostBug, LineTrouble};
-use super::family::Family;
+use super::family::{Address, Family};
 use super::frame::Incoming;
 use super::state::State;
 
@@ -108,7 +107,6 @@ impl Drive {
 
     /// The reply with this outcome of a request.
     fn reply(&self, outcome: Result<Vec<u8>, Abort>, is_read: bool) -> Reply {
-        let delay = Nanos::ZERO;
         let data = match outcome {
             Ok(data) => [&[0; 4], &data[..]].concat(),
             Err(abort) => {
@@ -119,25 +117,23 @@ impl Drive {
                 data
             }
         };
-        Reply { data, delay }
+        Reply { data, delay: Nanos::ZERO }
     }
 
     /// Executes a service. Returns the data after the error code of the reply.
     fn execute(&mut self, service: Service) -> Result<Vec<u8>, Abort> {
         self.since_request_s = 0.0;
         match service {
-            Service::ReadObject { index, sub } => return self.read_object(index, sub),
-            Service::WriteObject { index, sub, raw } => self.write(index, sub, raw)?,
-            Service::InitiateSegmentedRead { index, sub } => {
-                return self.initiate_segmented_read(index, sub);
-            }
+            Service::ReadObject(address) => return self.read_object(address),
+            Service::WriteObject(address, raw) => self.write(address, raw)?,
+            Service::InitiateSegmentedRead(address) => return self.initiate_read(address),
             Service::SegmentRead { toggle } => return self.read_segment(toggle),
-            Service::InitiateSegmentedWrite { index, sub, length } => {
-                self.transfer.start_write((index, sub), length);
+            Service::InitiateSegmentedWrite(address, length) => {
+                self.transfer.start_write(address, length);
             }
             Service::SegmentedWrite(segment) => {
-                if let Some(((index, sub), raw)) = self.transfer.write(&segment)? {
-                    self.write(index, sub, raw)?;
+                if let Some((address, raw)) = self.transfer.write(&segment)? {
+                    self.write(address, raw)?;
                 }
                 return Ok(vec![segment.length, u8::from(segment.toggle)]);
             }
@@ -146,8 +142,8 @@ impl Drive {
         Ok(Vec::new())
     }
 
-    fn read_object(&self, index: u16, sub: u8) -> Result<Vec<u8>, Abort> {
-        let value = self.bytes(index, sub)?;
+    fn read_object(&self, address: Address) -> Result<Vec<u8>, Abort> {
+        let value = self.bytes(address)?;
         if value.len() > 4 {
             return Err(Abort::Length);
         }
@@ -158,7 +154,7 @@ impl Drive {
     }
 
     /// The bytes of an object.
-    fn bytes(&self, index: u16, sub: u8) -> Result<Vec<u8>, Abort> {
+    fn bytes(&self, (index, sub): Address) -> Result<Vec<u8>, Abort> {
         let stored = self.dictionary.read(index, sub)?;
         // An EPOS2 without an error has no entry. A host must not take an empty entry for an error.
         let is_empty_entry = index == 0x1003 && i64::from(sub) > self.dictionary.get(0x1003, 0);
@@ -173,7 +169,7 @@ impl Drive {
     }
 
     /// Writes an object and applies the value.
-    fn write(&mut self, index: u16, sub: u8, raw: u32) -> Result<(), Abort> {
+    fn write(&mut self, (index, sub): Address, raw: u32) -> Result<(), Abort> {
         let is_powered = self.state.is_powered();
         let value = self.dictionary.check_write(index, sub, raw, is_powered)?;
         match (index, sub, raw) {
@@ -212,8 +208,8 @@ impl Drive {
     }
 
     /// EPOS4: the reply carries the length and the first segment. EPOS2: neither.
-    fn initiate_segmented_read(&mut self, index: u16, sub: u8) -> Result<Vec<u8>, Abort> {
-        let mut value = self.bytes(index, sub)?;
+    fn initiate_read(&mut self, address: Address) -> Result<Vec<u8>, Abort> {
+        let mut value = self.bytes(address)?;
         if self.config.family == Family::Epos2 {
             self.transfer.start_read(value);
             return Ok(Vec::new());
@@ -271,5 +267,66 @@ impl Gateway {
     /// does not answer.
     pub fn forward(self, node_answers: bool) -> (Nanos, Option<Abort>) {
         if node_answers { (self.round_trip, None) } else { (self.timeout, Some(Abort::SdoTimeout)) }
+    }
+}
+
+/// A segmented transfer. `toggle` is the toggle bit of the next segment.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) enum SegmentedTransfer {
+    /// None.
+    #[default]
+    Idle,
+    /// The bytes that are left to read.
+    Read { left: Vec<u8>, toggle: bool },
+    /// The bytes that have been written so far, of `length`.
+    Write { to: Address, length: usize, written: Vec<u8>, toggle: bool },
+}
+
+impl SegmentedTransfer {
+    /// Starts a read of these bytes; no bytes end it at once.
+    fn start_read(&mut self, left: Vec<u8>) {
+        *self = if left.is_empty() { Self::Idle } else { Self::Read { left, toggle: false } };
+    }
+
+    /// Starts a write of `length` bytes.
+    fn start_write(&mut self, to: Address, length: usize) {
+        *self = Self::Write { to, length, written: Vec::new(), toggle: false };
+    }
+
+    /// The next segment of at most `most` bytes, and the flag of the last one. A wrong toggle bit
+    /// ends the transfer.
+    fn read(&mut self, toggle: bool, most: usize) -> Result<(Vec<u8>, bool), Abort> {
+        match std::mem::take(self) {
+            Self::Read { mut left, toggle: expected } if toggle == expected => {
+                let rest = left.split_off(left.len().min(most));
+                let last = rest.is_empty();
+                if !last {
+                    *self = Self::Read { left: rest, toggle: !toggle };
+                }
+                Ok((left, last))
+            }
+            _ => Err(Abort::Toggle),
+        }
+    }
+
+    /// Takes a segment. The last one returns the object and the value to write.
+    fn write(&mut self, segment: &Segment) -> Result<Option<(Address, u32)>, Abort> {
+        match std::mem::take(self) {
+            Self::Write { to, length, mut written, toggle } if toggle == segment.toggle => {
+                let used = segment.bytes.get(..usize::from(segment.length));
+                written.extend_from_slice(used.ok_or(Abort::Length)?);
+                if !segment.last {
+                    *self = Self::Write { to, length, written, toggle: !toggle };
+                    return Ok(None);
+                }
+                if written.len() != length || !(1..=4).contains(&length) {
+                    return Err(Abort::Length);
+                }
+                written.resize(4, 0);
+                let raw = written.try_into().map_err(|_| Abort::Length)?;
+                Ok(Some((to, u32::from_le_bytes(raw))))
+            }
+            _ => Err(Abort::Toggle),
+        }
     }
 }

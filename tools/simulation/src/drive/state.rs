@@ -88,25 +88,18 @@ impl DeviceCommand {
 
     /// The state after the command in `state`, or `None` if it has no effect there.
     pub const fn next_state(self, state: State) -> Option<State> {
-        use State::{
-            OperationEnabled, QuickStopActive, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn,
-        };
-        match (self, state) {
-            (Self::Shutdown, SwitchOnDisabled | SwitchedOn | OperationEnabled) => {
-                Some(ReadyToSwitchOn)
-            }
-            (Self::SwitchOn, ReadyToSwitchOn | OperationEnabled) => Some(SwitchedOn),
+        use State::*;
+        Some(match (self, state) {
+            (Self::Shutdown, SwitchOnDisabled | SwitchedOn | OperationEnabled) => ReadyToSwitchOn,
+            (Self::SwitchOn, ReadyToSwitchOn | OperationEnabled) => SwitchedOn,
             (Self::EnableOperation, ReadyToSwitchOn | SwitchedOn | QuickStopActive) => {
-                Some(OperationEnabled)
+                OperationEnabled
             }
-            (
-                Self::DisableVoltage,
-                ReadyToSwitchOn | SwitchedOn | OperationEnabled | QuickStopActive,
-            ) => Some(SwitchOnDisabled),
-            (Self::QuickStop, ReadyToSwitchOn | SwitchedOn) => Some(SwitchOnDisabled),
-            (Self::QuickStop, OperationEnabled) => Some(QuickStopActive),
-            _ => None,
-        }
+            (Self::DisableVoltage | Self::QuickStop, ReadyToSwitchOn | SwitchedOn)
+            | (Self::DisableVoltage, OperationEnabled | QuickStopActive) => SwitchOnDisabled,
+            (Self::QuickStop, OperationEnabled) => QuickStopActive,
+            _ => return None,
+        })
     }
 }
 
