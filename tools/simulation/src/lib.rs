@@ -41,10 +41,11 @@ pub mod physics;
 pub mod robot;
 
 pub use drive::frame;
-pub use emulator::config::{DEFAULT_FOLDER, EmulatorConfig, GATEWAY_US, Line};
+pub use emulator::config::{
+    DEFAULT_FOLDER, EmulatorConfig, GATEWAY_US, Line, SnakeSource, SnakeSourceError,
+};
 pub use emulator::injection::Injection;
 pub use emulator::log;
 pub use emulator::port::{FolderError, LineConfig};
 pub use emulator::scenario::{Scenario, ScenarioError};
-pub use emulator::snake_source::{SnakeSource, SnakeSourceError};
 pub use emulator::{AxisSnapshot, Emulator, EmulatorError, Snapshot};

@@ -1,5 +1,6 @@
-//! Faults that can be injected into drives, lines and wires.
+//! Faults that can be injected into drives, lines and wires; damage to the bytes of one exchange.
 
+use i2ris::units::Nanos;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -68,13 +69,7 @@ impl Injection {
     pub fn all(random: &mut impl Rng) -> Vec<Self> {
         let offset = random.random_range(0..64);
         let bit = random.random_range(0..192);
-        let delay_ms = random.random_range(1..300);
-        let hang_ms = random.random_range(50..400);
-        let mute_ms = random.random_range(20..600);
-        let code = [0x2310, 0x3210, 0x3220, 0x8611, 0x4210][random.random_range(0..5)];
-        let freeze_ms = random.random_range(50..500);
-        let slip = random.random_range(-300..300);
-        let play = random.random_range(20..200);
+        let codes = [0x2310, 0x3210, 0x3220, 0x8611, 0x4210];
         vec![
             Self::LoseRequest,
             Self::DropRequest { offset },
@@ -87,16 +82,16 @@ impl Injection {
             Self::DoubleReply { offset },
             Self::CutReply { offset },
             Self::CutReplyInPair,
-            Self::LateReply { delay_ms },
+            Self::LateReply { delay_ms: random.random_range(1..300) },
             Self::WrongLength,
             Self::StrayReply,
-            Self::HangUp { for_ms: hang_ms },
-            Self::Mute { for_ms: mute_ms },
+            Self::HangUp { for_ms: random.random_range(50..400) },
+            Self::Mute { for_ms: random.random_range(20..600) },
             Self::Reset,
-            Self::Fault { code },
-            Self::FreezeEncoder { for_ms: freeze_ms },
-            Self::SlipEncoder { counts: slip },
-            Self::SlackWire { counts: play },
+            Self::Fault { code: codes[random.random_range(0..5)] },
+            Self::FreezeEncoder { for_ms: random.random_range(50..500) },
+            Self::SlipEncoder { counts: random.random_range(-300..300) },
+            Self::SlackWire { counts: random.random_range(20..200) },
             Self::BreakWire,
             Self::MendWire,
         ]
@@ -123,6 +118,72 @@ pub struct AxisInjection {
     pub injection: Injection,
 }
 
+/// The first byte of a frame, which is doubled inside.
+const DLE: u8 = 0x90;
+
+/// The injected fault of one exchange, or none.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct ExchangeFault(pub(crate) Option<Injection>);
+
+impl ExchangeFault {
+    /// Damages a request or a reply on the line.
+    pub(crate) fn damage(self, bytes: &mut Vec<u8>, is_reply: bool) {
+        use Injection::*;
+        let Some(injection) = self.0.filter(|_| !bytes.is_empty()) else { return };
+        match (injection, is_reply) {
+            (LoseRequest, false) | (LoseReply, true) => bytes.clear(),
+            (DropRequest { offset }, false) | (DropReply { offset }, true) => {
+                bytes.remove(offset % bytes.len());
+            }
+            (FlipRequest { offset }, false) | (FlipReply { offset }, true) => {
+                let bit = offset % (8 * bytes.len());
+                bytes[bit / 8] ^= 1 << (bit % 8);
+            }
+            (DoubleRequest { offset }, false) | (DoubleReply { offset }, true) => {
+                let index = offset % bytes.len();
+                bytes.insert(index, bytes[index]);
+            }
+            (CutRequest { offset }, false) | (CutReply { offset }, true) => {
+                bytes.truncate(offset % bytes.len());
+            }
+            (CutReplyInPair, true) => truncate_in_pair(bytes),
+            _ => {}
+        }
+    }
+
+    pub(crate) fn delay(self) -> Nanos {
+        match self.0 {
+            Some(Injection::LateReply { delay_ms }) => Nanos::from_millis(delay_ms),
+            _ => Nanos::ZERO,
+        }
+    }
+
+    /// The data of the reply: `data`, or an error of an invalid length.
+    pub(crate) fn reply_data(self, data: Vec<u8>) -> Vec<u8> {
+        match self.0 {
+            Some(Injection::WrongLength) => vec![0x22, 0, 0, 8, 0, 0],
+            _ => data,
+        }
+    }
+
+    /// Data of an unsolicited reply that is sent first.
+    pub(crate) fn stray_reply(self) -> Option<Vec<u8>> {
+        matches!(self.0, Some(Injection::StrayReply)).then(|| vec![0, 0, 0, 0, 9, 9, 0, 0])
+    }
+}
+
+/// Truncates a frame after the first half of a doubled byte, or with a single DLE instead of its
+/// last two bytes.
+fn truncate_in_pair(bytes: &mut Vec<u8>) {
+    match bytes.windows(2).skip(2).position(|pair| pair == [DLE, DLE]) {
+        Some(index) => bytes.truncate(index + 3),
+        None => {
+            bytes.truncate(bytes.len().saturating_sub(2));
+            bytes.push(DLE);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -138,6 +199,26 @@ mod tests {
             assert!(text.contains(&kind), "{text}");
             let parsed: AxisInjection = toml::from_str(&text).unwrap();
             assert_eq!(parsed.injection, injection);
+        }
+    }
+
+    #[test]
+    fn replies_lose_flip_double_and_truncate_bytes() {
+        let doubled_inside: &[u8] = &[0x90, 2, 0, 4, 0, 0x90, 0x90, 0, 0, 0x9A, 0x5C];
+        for (injection, bytes, expected) in [
+            (Injection::LoseReply, &[1, 2, 3, 4][..], &[][..]),
+            (Injection::DropReply { offset: 5 }, &[1, 2, 3, 4], &[1, 3, 4]),
+            (Injection::FlipReply { offset: 9 }, &[1, 2, 3, 4], &[1, 0, 3, 4]),
+            (Injection::DoubleReply { offset: 2 }, &[1, 2, 3, 4], &[1, 2, 3, 3, 4]),
+            (Injection::CutReply { offset: 3 }, &[1, 2, 3, 4], &[1, 2, 3]),
+            // A fault of a request does not damage the reply.
+            (Injection::LoseRequest, &[1, 2, 3, 4], &[1, 2, 3, 4]),
+            (Injection::CutReplyInPair, doubled_inside, &[0x90, 2, 0, 4, 0, 0x90]),
+            (Injection::CutReplyInPair, &[0x90, 2, 0, 2, 7, 8], &[0x90, 2, 0, 2, 0x90]),
+        ] {
+            let mut reply = bytes.to_vec();
+            ExchangeFault(Some(injection)).damage(&mut reply, true);
+            assert_eq!(reply, expected, "{injection:?}");
         }
     }
 }

@@ -3,24 +3,21 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `config`, `snake_source` | configuration; snakes by name, physics and seed, or from a file |
-//! | `plant`, `wire` | drives, wires and snake in time steps; pure |
-//! | [`injection`], [`scenario`], `scenario_player` | injected faults, and files with their times |
-//! | `port` | pseudo-terminals, line timing, damaged bytes |
+//! | `config` | configuration; snakes by name, physics and seed, or from a file |
+//! | `plant` | drives, wires and snake in time steps; pure |
+//! | `injection` | injected faults, and damage to bytes |
+//! | `scenario` | files with faults and their times; the control socket: commands while it runs |
+//! | `port` | pseudo-terminals, line timing |
 //! | [`log`] | events in memory and in a file |
-//! | `shared`, `control_socket` | the state of the threads; commands while it runs |
+//! | `shared` | the state of the threads |
 
-pub mod config;
-mod control_socket;
-pub mod injection;
+pub(crate) mod config;
+pub(crate) mod injection;
 pub mod log;
 pub(crate) mod plant;
-pub mod port;
-pub mod scenario;
-mod scenario_player;
+pub(crate) mod port;
+pub(crate) mod scenario;
 pub(crate) mod shared;
-pub mod snake_source;
-pub(crate) mod wire;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -45,7 +42,7 @@ use log::{Event, Log, LogError};
 use plant::Plant;
 use port::{FolderError, Port, PortFolder};
 use scenario::Scenario;
-use shared::{CameraCommand, Shared};
+use shared::Shared;
 
 /// How often the plant advances when no request advances it.
 const PLANT_PERIOD: Nanos = Nanos::from_millis(2);
@@ -113,7 +110,7 @@ impl Emulator {
             let seed = config.seed + 10 + number as u64;
             let mut port = Port::open(drives[0], &config.line, seed, Arc::clone(&shared))?;
             devices.push(folder.link(&format!("axis{number}"), port.path())?);
-            port.set_link(&devices[number]);
+            port.link.clone_from(&devices[number]);
             ports.push(port);
         }
         let mut emulator = Self { config, shared, threads: Vec::new(), devices, _folder: folder };
@@ -130,13 +127,13 @@ impl Emulator {
         let (scenario, seed) = (emulator.config.scenario.clone(), emulator.config.seed);
         if scenario != Scenario::default() {
             emulator.spawn("scenario", move |shared| {
-                scenario_player::play(&shared, &scenario, seed);
+                scenario::play(&shared, &scenario, seed);
             })?;
         }
-        let socket = emulator.config.folder.join(control_socket::SOCKET);
-        let listener = control_socket::listen(&socket)?;
+        let socket = emulator.config.folder.join(scenario::SOCKET);
+        let listener = scenario::open_socket(&socket)?;
         emulator.spawn("control", move |shared| {
-            control_socket::serve(&listener, &socket, &shared);
+            scenario::serve_socket(&listener, &socket, &shared);
         })?;
         Ok(emulator)
     }
@@ -158,10 +155,10 @@ impl Emulator {
             let mut receiver = connect();
             while !shared.is_stopping() {
                 let now = clock::now();
-                for command in shared.take_camera_commands() {
-                    match command {
-                        CameraCommand::Begin(fault) => camera.begin_fault(&fault, now),
-                        CameraCommand::Clear => camera.clear_faults(),
+                for fault in shared.take_camera_faults() {
+                    match fault {
+                        Some(fault) => camera.begin_fault(&fault, now),
+                        None => camera.clear_faults(),
                     }
                 }
                 if camera.is_exposure_due(now) {

@@ -1,4 +1,4 @@
-//! Both drives and their snake, advanced in fixed small time steps.
+//! Both drives, the snake and the wires between them, advanced in fixed small time steps.
 
 use std::sync::Arc;
 
@@ -6,7 +6,6 @@ use i2ris::units::Nanos;
 
 use super::config::EmulatorConfig;
 use super::log::{Event, Log};
-use super::wire::Wire;
 use crate::drive::event::EventKind;
 use crate::drive::frame::Incoming;
 use crate::drive::{Drive, Reply};
@@ -124,6 +123,49 @@ impl Plant {
     }
 }
 
+/// A wire. Positions are counts of the motor.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) enum Wire {
+    #[default]
+    Intact,
+    /// It follows the motor with play.
+    Slack {
+        /// Total play of both directions, counts.
+        counts: f64,
+        position: f64,
+    },
+    /// It stays at this position.
+    Broken(f64),
+}
+
+impl Wire {
+    /// Adds play at the present position.
+    pub(crate) fn slacken(&mut self, motor: f64, counts: f64) {
+        let position = self.position(motor);
+        *self = Self::Slack { counts, position };
+    }
+
+    /// Breaks it at the present position.
+    pub(crate) fn break_at(&mut self, motor: f64) {
+        *self = Self::Broken(self.position(motor));
+    }
+
+    fn position(self, motor: f64) -> f64 {
+        match self {
+            Self::Intact => motor,
+            Self::Slack { position, .. } | Self::Broken(position) => position,
+        }
+    }
+
+    /// Moves the motor to `motor`. Returns the motor position that the snake experiences.
+    pub(crate) fn pull(&mut self, motor: f64) -> f64 {
+        if let Self::Slack { counts, position } = self {
+            *position = position.clamp(motor - *counts / 2.0, motor + *counts / 2.0);
+        }
+        self.position(motor)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::path::Path;
@@ -172,5 +214,16 @@ mod tests {
         events.retain(|event| event.kind == EventKind::Setpoint(9));
         let stamps: Vec<Nanos> = events.iter().map(|event| event.stamp).collect();
         assert_eq!(stamps, [Nanos::from_millis(20), Nanos::from_micros(20_300)]);
+    }
+
+    #[test]
+    fn slack_wires_lag_by_their_play_and_broken_wires_stay() {
+        let mut wire = Wire::default();
+        assert_eq!(wire.pull(100.0), 100.0);
+        wire.slacken(100.0, 40.0);
+        let pulled = [110.0, 120.0, 150.0, 140.0].map(|motor| wire.pull(motor));
+        assert_eq!(pulled, [100.0, 100.0, 130.0, 130.0]);
+        wire.break_at(140.0);
+        assert_eq!(wire.pull(900.0), 130.0);
     }
 }

@@ -9,9 +9,7 @@ use i2ris::units::Nanos;
 
 use super::injection::Injection;
 use super::log::Log;
-use super::plant::Plant;
-use super::scenario::SocketCommand;
-use super::wire::Wire;
+use super::plant::{Plant, Wire};
 use crate::ageing::Change;
 use crate::camera::TimedCameraFault;
 use crate::drive::event::EventKind;
@@ -27,14 +25,8 @@ pub(crate) struct Shared {
     layout: Vec<Vec<usize>>,
     /// Times at which the encoders of these axes resume counting.
     frozen: Mutex<Vec<(Nanos, usize)>>,
-    camera: Mutex<Vec<CameraCommand>>,
-}
-
-/// Command for the camera's thread.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum CameraCommand {
-    Begin(TimedCameraFault),
-    Clear,
+    /// For the camera's thread: faults to begin; `None`: all of them end.
+    camera: Mutex<Vec<Option<TimedCameraFault>>>,
 }
 
 /// Counters and pending faults of one line.
@@ -101,16 +93,6 @@ impl Shared {
         &self.lines[self.port_of(axis)]
     }
 
-    /// Executes a line of the control socket.
-    pub(crate) fn execute(&self, command: &SocketCommand) {
-        match *command {
-            SocketCommand::Inject(line) => self.inject(line.axis, line.injection),
-            SocketCommand::Age(change) => self.begin_ageing(change),
-            SocketCommand::Camera(fault) => self.notify_camera(CameraCommand::Begin(fault)),
-            SocketCommand::CameraGood => self.notify_camera(CameraCommand::Clear),
-        }
-    }
-
     /// Starts a change of the snake.
     pub(crate) fn begin_ageing(&self, change: Change) {
         let mut plant = self.plant();
@@ -118,12 +100,13 @@ impl Shared {
         plant.snake.begin_ageing(change);
     }
 
-    pub(crate) fn notify_camera(&self, command: CameraCommand) {
-        lock(&self.camera).push(command);
+    /// Begins a fault of the camera; `None` ends all of them.
+    pub(crate) fn notify_camera(&self, fault: Option<TimedCameraFault>) {
+        lock(&self.camera).push(fault);
     }
 
-    /// Commands sent to the camera since the last call.
-    pub(crate) fn take_camera_commands(&self) -> Vec<CameraCommand> {
+    /// Faults sent to the camera since the last call.
+    pub(crate) fn take_camera_faults(&self) -> Vec<Option<TimedCameraFault>> {
         std::mem::take(&mut lock(&self.camera))
     }
 

@@ -2,14 +2,10 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `pty` | the pseudo-terminal |
-//! | `port_folder` | links with stable names to the pseudo-terminals |
+//! | `pty` | the pseudo-terminal; links with stable names |
 //! | `line_timing` | arrival of bytes, completion of replies |
-//! | `fault_injection` | damage to the bytes of one exchange |
 
-mod fault_injection;
 pub(super) mod line_timing;
-mod port_folder;
 mod pty;
 
 use std::io;
@@ -21,16 +17,16 @@ use i2ris::clock;
 use i2ris::units::Nanos;
 
 pub use line_timing::LineConfig;
-pub use port_folder::FolderError;
-pub(crate) use port_folder::PortFolder;
+pub use pty::FolderError;
+pub(crate) use pty::PortFolder;
 
 use crate::drive::Reply;
 use crate::drive::event::{EventKind, HostBug, LineTrouble};
 use crate::drive::frame::{self, Incoming, Parser};
+use crate::emulator::injection::ExchangeFault;
 use crate::emulator::shared::{Line, Shared};
-use fault_injection::ExchangeFault;
 pub(crate) use line_timing::LineTiming;
-use pty::Pty;
+use pty::{Pty, redirect};
 
 /// Maximum sleep before the thread checks for the end.
 const POLL: Nanos = Nanos::from_millis(20);
@@ -47,7 +43,7 @@ pub(crate) struct Port {
     parser: Parser,
     fault: ExchangeFault,
     /// The link with a stable name to the device.
-    link: Option<PathBuf>,
+    pub(super) link: PathBuf,
     /// Arrival of the last byte.
     last_byte: Nanos,
     /// An early byte of the present exchange has been logged.
@@ -69,7 +65,7 @@ impl Port {
             timing: LineTiming::new(config, seed),
             parser: Parser::default(),
             fault: ExchangeFault::default(),
-            link: None,
+            link: PathBuf::new(),
             last_byte: Nanos::ZERO,
             early_byte_logged: false,
             shared,
@@ -79,11 +75,6 @@ impl Port {
     /// The device file.
     pub(crate) fn path(&self) -> &Path {
         self.pty.path()
-    }
-
-    /// Sets the link to the device.
-    pub(crate) fn set_link(&mut self, link: &Path) {
-        self.link = Some(link.to_owned());
     }
 
     /// Serves the host until the emulator ends.
@@ -99,7 +90,10 @@ impl Port {
                 let read = clock::now();
                 self.receive(buffer[..count].to_vec(), read, read - before > STALL);
             } else {
-                self.on_silence(clock::now());
+                self.drop_stale_frame(clock::now());
+                if self.pty.is_closed() {
+                    clock::sleep(POLL);
+                }
             }
         }
     }
@@ -107,9 +101,7 @@ impl Port {
     /// Closes the pseudo-terminal as if the cable was pulled, then opens a new one.
     fn hang_up(&mut self, span: Nanos) {
         let until = clock::now() + span;
-        if let Some(link) = &self.link {
-            let _ = std::fs::remove_file(link);
-        }
+        let _ = std::fs::remove_file(&self.link);
         self.pty.hang_up();
         self.reset_line();
         while clock::now() < until && !self.shared.is_stopping() {
@@ -118,9 +110,7 @@ impl Port {
         // If no pseudo-terminal is left, the port stays closed, as on a real machine.
         if let Ok(pty) = Pty::open() {
             self.pty = pty;
-            if let Some(link) = &self.link {
-                let _ = port_folder::redirect(link, self.pty.path());
-            }
+            let _ = redirect(&self.link, self.pty.path());
         }
     }
 
@@ -138,7 +128,7 @@ impl Port {
     fn receive(&mut self, mut bytes: Vec<u8>, read: Nanos, stalled: bool) {
         self.drop_stale_frame(read);
         self.timing.wait_for_frame(read);
-        if self.is_between_frames() {
+        if !self.parser.is_partial() {
             self.fault = ExchangeFault(self.line().take_exchange_fault());
         }
         if self.config.strict_baud && !self.pty.has_baud_rate(self.config.baud) {
@@ -147,7 +137,7 @@ impl Port {
                 *byte = byte.wrapping_mul(73).rotate_left(3) | 1;
             }
         }
-        self.fault.damage_request(&mut bytes);
+        self.fault.damage(&mut bytes, false);
         self.receive_frame(&bytes, read, stalled);
     }
 
@@ -167,10 +157,6 @@ impl Port {
         }
     }
 
-    fn is_between_frames(&self) -> bool {
-        !self.parser.is_partial()
-    }
-
     /// Executes a request. Returns the reply and when it is ready, if the host gets one.
     fn execute(&mut self, incoming: &Incoming, arrived: Nanos) -> Option<(Reply, Nanos)> {
         let reply = self.shared.plant().reply(self.axis, incoming, arrived);
@@ -188,7 +174,7 @@ impl Port {
             return;
         };
         let mut reply = frame::reply(&answer.data);
-        self.fault.damage_reply(&mut reply);
+        self.fault.damage(&mut reply, true);
         if let Some(stray) = self.fault.stray_reply() {
             reply.splice(0..0, frame::reply(&stray));
         }
@@ -240,17 +226,10 @@ impl Port {
         }
     }
 
-    fn on_silence(&mut self, now: Nanos) {
-        self.drop_stale_frame(now);
-        if self.pty.is_closed() {
-            clock::sleep(POLL);
-        }
-    }
-
     /// Drops a frame that is not complete in time, without a reply (object 0x2005).
     fn drop_stale_frame(&mut self, now: Nanos) {
         let timeout = || self.shared.plant().drives[self.axis].frame_timeout();
-        if !self.is_between_frames() && now - self.last_byte > timeout() {
+        if self.parser.is_partial() && now - self.last_byte > timeout() {
             self.reset_line();
             self.log(now, EventKind::Line(LineTrouble::FrameTimeout));
         }
