@@ -1,21 +1,25 @@
-//! The emulator through its serial ports, from the host's side.
+//! The emulator from the host's side: serial ports, camera, control socket.
 
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use i2ris::clock;
+use i2ris::ipc::payload::ExternalPosition;
+use i2ris::ipc::{Domain, DomainLock, Server, random_id};
 use i2ris::units::Nanos;
 use i2ris_simulation::drive::State;
 use i2ris_simulation::frame::{Incoming, Parser, encode};
 use i2ris_simulation::log::{Event, EventKind, HostBug, LineTrouble};
 use i2ris_simulation::physics::springs::SnakeConfig;
-use i2ris_simulation::{Emulator, EmulatorConfig, EmulatorError, FolderError};
+use i2ris_simulation::{Emulator, EmulatorConfig, EmulatorError, FolderError, SnakeSource};
 use serialport::{SerialPort, TTYPort};
 use tempfile::TempDir;
 
 /// Longer than any stall of the machine.
-const TIMEOUT: Duration = Duration::from_secs(5);
+const TIMEOUT: Duration = Duration::from_secs(10);
 
 /// "Write 0x6040 = 0x000F to node 1", from the reference.
 const WRITE_CONTROLWORD: [u8; 14] =
@@ -108,6 +112,20 @@ fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
         assert!(start.elapsed() < TIMEOUT, "{what}");
         std::thread::sleep(Duration::from_millis(5));
     }
+}
+
+fn control_socket(folder: &TempDir) -> BufReader<UnixStream> {
+    let socket = UnixStream::connect(folder.path().join("ports/control")).unwrap();
+    socket.set_read_timeout(Some(TIMEOUT)).unwrap();
+    BufReader::new(socket)
+}
+
+/// Sends a line to the control socket and returns the reply.
+fn request(socket: &mut BufReader<UnixStream>, line: &str) -> String {
+    writeln!(socket.get_mut(), "{line}").unwrap();
+    let mut reply = String::new();
+    socket.read_line(&mut reply).unwrap();
+    reply.trim().to_owned()
 }
 
 fn events(emulator: &Emulator) -> Vec<EventKind> {
@@ -242,20 +260,10 @@ fn links_and_log_file_live_as_long_as_the_emulator() {
 
 #[test]
 fn the_control_socket_injects_faults_and_reports_the_state() {
-    use std::io::{BufRead, BufReader};
-    use std::os::unix::net::UnixStream;
-
     let (emulator, folder) = start();
     let mut host = Host::open(&emulator, 0);
-    let socket = UnixStream::connect(folder.path().join("ports/control")).unwrap();
-    socket.set_read_timeout(Some(TIMEOUT)).unwrap();
-    let (mut answers, mut commands) = (BufReader::new(socket.try_clone().unwrap()), socket);
-    let mut send = |line: &str| {
-        writeln!(commands, "{line}").unwrap();
-        let mut answer = String::new();
-        answers.read_line(&mut answer).unwrap();
-        answer.trim().to_owned()
-    };
+    let mut socket = control_socket(&folder);
+    let mut send = |line: &str| request(&mut socket, line);
     assert!(send("state").starts_with("switch-on-disabled position 0 error 0x0000 homed false; "));
     assert_eq!(send("{axis = 0, kind = \"fault\", code = 0x2310}"), "ok");
     assert_eq!(host.read(0x603F, 0) & 0xFFFF, 0x2310);
@@ -275,4 +283,54 @@ fn a_scenario_is_played() {
     let error_code = |axis: usize| emulator.snapshot().axes[axis].drive.error_code;
     wait_for("the fault", || error_code(1) == 0x3210);
     assert_eq!(error_code(0), 0);
+}
+
+#[test]
+fn frames_reach_every_controller_of_the_domain() {
+    let (mut emulator, _folder) = start();
+    let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
+    emulator.publish_camera(&domain).unwrap();
+    let mut last = 0;
+    for _ in 0..2 {
+        let mut server = Server::create(DomainLock::acquire(&domain).unwrap()).unwrap();
+        for _ in 0..3 {
+            let mut frame = None;
+            wait_for("a frame arrives", || {
+                server.maintain(clock::now());
+                frame = server.poll_external();
+                frame.is_some()
+            });
+            let frame = frame.unwrap();
+            assert_eq!((frame.count, frame.flags), (2, ExternalPosition::VALID));
+            assert!(frame.stamp_ns > last && frame.stamp_ns < clock::now().0);
+            assert!(frame.deviation[0] > 0.0 && frame.position[2] == 0.0);
+            last = frame.stamp_ns;
+        }
+    }
+}
+
+#[test]
+fn the_control_socket_ages_the_snake_and_disturbs_the_camera() {
+    let source = SnakeSource::load("preisach:2").unwrap();
+    let (mut emulator, folder) = start_with(|config| config.snake = source);
+    let (sender, frames) = channel();
+    let send = move |frame: ExternalPosition| {
+        let [pitch, yaw, _] = frame.position.map(f64::to_degrees);
+        let _ = sender.send([pitch, yaw]);
+    };
+    emulator.start_camera(move || send).unwrap();
+    let request = |line: &str| request(&mut control_socket(&folder), line);
+    let wait_for = |what: &str, is_met: &dyn Fn([f64; 2]) -> bool| {
+        wait_for(what, || is_met(frames.recv_timeout(TIMEOUT).unwrap()));
+    };
+    let zero = "ageing = {parameter = \"zero\", by = 5, direction = [1, 0], course = \"step\"}";
+    wait_for("straight", &|[pitch, yaw]| pitch.abs() + yaw.abs() < 1.0);
+    assert_eq!(request(zero), "ok");
+    wait_for("slipped", &|[pitch, yaw]| pitch > 4.0 && yaw.abs() < 1.0);
+    assert_eq!(request("camera = {fault = \"swapped\"}"), "ok");
+    wait_for("swapped", &|[pitch, yaw]| yaw > 4.0 && pitch.abs() < 1.0);
+    assert_eq!(request("camera = \"good\""), "ok");
+    wait_for("good again", &|[pitch, _]| pitch > 4.0);
+    let refused = request("ageing = {parameter = \"teeth\", by = 1, course = \"step\"}");
+    assert!(refused.starts_with("error: ") && refused.contains("teeth"), "{refused}");
 }
