@@ -1,11 +1,9 @@
-//! Friction with an elastic wire, by the theories of Dahl, of LuGre, and as a vector of both wires;
-//! creep in series with the first.
+//! Friction with an elastic wire: Dahl, also with creep in series; LuGre; a vector of both wires.
 
 use super::hysteresis::{Aged, Draw, FrictionGrowth, Hysteresis, Motor, Pair, between, motors};
 use crate::ageing::AgeingEffect;
 
-/// Dahl: friction that grows with the travel since the last reversal, up to a limit, with an
-/// elastic wire.
+/// Dahl: friction that grows with the travel since the last reversal, up to a limit.
 ///
 /// Source: P. R. Dahl, "A solid friction model", The Aerospace Corporation, TOR-158(3107-18),
 /// 1968: `dF/dx = sigma (1 - F / limit sgn x')^i`. The wire stretches by the friction: travel is
@@ -67,7 +65,6 @@ impl Motor for Dahl {
 
 /// Times of the elements, s.
 const TIMES_S: [f64; 3] = [0.5, 5.0, 50.0];
-
 /// Delayed part of the bend, minimum and maximum.
 const LATE: [f64; 2] = [0.02, 0.05];
 
@@ -132,12 +129,10 @@ impl Hysteresis for Creep {
 
 /// Halvings of the speed interval.
 const HALVINGS: u32 = 45;
-
 /// Shortest time step, s, so that speeds stay finite.
 const MIN_STEP_S: f64 = 1e-6;
 
-/// LuGre: bristles with the Stribeck effect and viscous friction, with an elastic wire. It depends
-/// on speed.
+/// LuGre: bristles with the Stribeck effect and viscous friction. It depends on speed.
 ///
 /// Source: C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control of
 /// systems with friction", IEEE Transactions on Automatic Control 40(3), 1995, equations 1 to 5:
@@ -237,8 +232,7 @@ impl Motor for LuGre {
 /// Radii of the circles relative to half of the lost motion, minimum and maximum of each.
 const RADII: [[f64; 2]; 3] = [[0.2, 0.5], [0.7, 1.1], [1.2, 1.6]];
 
-/// Friction that acts on the vector of both wires, like that of a disc which slides on another: a
-/// moving motor frees the other.
+/// Friction of both wires as a vector, like a sliding disc: a moving motor frees the other.
 ///
 /// Source: M. A. Krasnosel'skii, A. V. Pokrovskii, "Systems with Hysteresis", Springer, 1989 (the
 /// play of a vector): the centre of a circle is pulled by a point that it must not lose. Some

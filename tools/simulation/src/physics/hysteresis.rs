@@ -1,6 +1,5 @@
-//! Interface of a physics: wire travel in, bend of each motor out. Shared by the physics: pairs of
-//! values, random parameters from a seed, and friction that grows with the bend, because the wires
-//! press harder on their guides.
+//! Interface of a physics: wire travel in, bend of each motor out. Pairs of values, random
+//! parameters, friction that grows with the bend, as the wires press harder on their guides.
 
 use std::fmt::Debug;
 
@@ -20,8 +19,7 @@ pub(super) trait Hysteresis: Copied + Debug + Send + Sync {
     /// The bend that each motor causes, degrees.
     fn bend(&self, aged: &AgeingEffect) -> Pair;
 
-    /// Half of the lost motion of each motor when new, degrees, if the theory has no gap of its own
-    /// that could grow.
+    /// Half of the lost motion when new, degrees, if the theory has no gap of its own to grow.
     fn half_lost_deg(&self) -> Option<Pair>;
 
     /// Force of each motor on its wires at a travel, degrees of wire stretch.
@@ -54,8 +52,7 @@ impl Aged {
     }
 }
 
-/// One motor of a physics in which the motors know of each other no more than where they are. The
-/// methods are those of [`Hysteresis`].
+/// One motor of a physics whose motors know only where the other is. Methods: [`Hysteresis`].
 pub(super) trait Motor: Clone + Debug + Send + Sync + 'static {
     const LARGEST_STEP_DEG: f64 = f64::INFINITY;
 
@@ -131,7 +128,6 @@ impl Clone for Box<dyn Hysteresis> {
 
 /// Half of the lost motion of a motor, counts, as on robots of this kind.
 const HALF_GAP_COUNTS: [f64; 2] = [20.0, 110.0];
-
 /// Spreads the seeds of one physics away from those of another (the golden ratio in 64 bits).
 const SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;
 
@@ -141,8 +137,7 @@ pub(super) struct Draw(Pcg64Mcg);
 impl Draw {
     /// Equal seeds of different streams have nothing in common.
     pub(super) fn new(seed: u64, stream: u64) -> Self {
-        let mixed = seed ^ SPREAD.wrapping_mul(stream + 1);
-        Self(Pcg64Mcg::seed_from_u64(mixed))
+        Self(Pcg64Mcg::seed_from_u64(seed ^ SPREAD.wrapping_mul(stream + 1)))
     }
 
     pub(super) fn uniform(&mut self, low: f64, high: f64) -> f64 {
@@ -158,8 +153,7 @@ impl Draw {
         [0, 1].map(|_| self.uniform(low, high))
     }
 
-    /// Half of the lost motion of each motor, degrees. The motors are made alike, so they share
-    /// the size and differ by a third at most.
+    /// Half of the lost motion of each motor, degrees. Made alike, they differ by a third at most.
     pub(super) fn half_gaps_deg(&mut self, deg_per_count: Pair) -> Pair {
         let [low, high] = HALF_GAP_COUNTS;
         let counts = self.uniform(low / 0.8, high / 1.2);

@@ -21,19 +21,17 @@
 //! | `operators` | Prandtl-Ishlinskii's plays, generalised and asymmetric; Preisach's relays |
 //! | `bouc_wen` | Bouc-Wen in two axes |
 //! | `friction` | with an elastic wire: Dahl, also with creep, LuGre, and of both wires together |
-//! | `wire` | a wire in pieces with capstan friction |
-//! | `gear` | a gear with lost motion and compliance, or with an error that repeats in every turn |
+//! | `transmission` | a gear with lost motion, also with an error that repeats; a wire in pieces |
 
 mod bouc_wen;
 mod friction;
-mod gear;
 mod hysteresis;
 mod operators;
 mod snake;
 pub mod springs;
 #[cfg(test)]
 mod tests;
-mod wire;
+mod transmission;
 
 use std::fmt;
 use std::str::FromStr;
@@ -78,11 +76,6 @@ impl Physics {
     pub const ALL: &[Self] = <Self as VariantArray>::VARIANTS;
 
     pub const NAMES: &[&str] = <Self as VariantNames>::VARIANTS;
-
-    /// Whether the angles depend on the path of the motors alone, at whatever speed.
-    pub fn is_rate_independent(self) -> bool {
-        !matches!(self, Self::Springs | Self::LuGre | Self::Creep)
-    }
 
     /// Short description.
     pub fn summary(self) -> &'static str {

@@ -30,8 +30,7 @@ impl Envelope {
     }
 }
 
-/// Generalised, asymmetric Prandtl-Ishlinskii: a weighted sum of play operators whose rising and
-/// falling branches follow different curves.
+/// Generalised, asymmetric Prandtl-Ishlinskii: plays whose branches follow different curves.
 ///
 /// Source: M. Al Janaideh, S. Rakheja, C.-Y. Su, "An analytical generalized Prandtl-Ishlinskii
 /// model inversion for hysteresis compensation in micropositioning control", IEEE/ASME
@@ -86,12 +85,9 @@ impl Motor for PrandtlIshlinskii {
 
 /// Cells along each side of the plane.
 const CELLS: usize = 200;
-
 /// The relays switch within this travel to both sides, degrees: more than the position limits.
 const RANGE_DEG: f64 = 72.0;
-
 const CELL_DEG: f64 = 2.0 * RANGE_DEG / CELLS as f64;
-
 /// Spread of the half gaps at a place: the deviation of their logarithm.
 const SPREAD: [f64; 2] = [0.25, 0.6];
 
@@ -166,15 +162,13 @@ struct Place {
 /// output is the integral of the density over the relays that are on, and an input beyond an
 /// earlier turning point wipes out what lies after it.
 ///
-/// The plane is cut into square cells of even density. So the Everett function is bilinear in
-/// every cell, and a table of its corners is exact.
+/// In square cells of even density the Everett function is bilinear: a table of corners is exact.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Preisach {
     /// Median of the half gaps, degrees.
     half_gap: f64,
     everett: Arc<Everett>,
-    /// Turning points, starting at the lower end of the range: low, high, low, ..., each inside the
-    /// two before.
+    /// Turning points from the lower end: low, high, low, ..., each inside the two before.
     turns: Vec<Place>,
     now: Place,
     is_rising: bool,
@@ -213,8 +207,7 @@ impl Preisach {
         } else {
             -self.everett.between(input, turn.input)
         };
-        let output = turn.output + change;
-        self.now = Place { input, output };
+        self.now = Place { input, output: turn.output + change };
     }
 
     fn wipe_out(&mut self, input: f64) {

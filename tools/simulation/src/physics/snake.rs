@@ -3,18 +3,16 @@
 use super::Physics;
 use super::bouc_wen::BoucWen;
 use super::friction::{Creep, Dahl, LuGre, VectorFriction};
-use super::gear::{Gear, TransmissionError};
 use super::hysteresis::{Draw, Hysteresis, Pair, between, motors, subtract};
 use super::operators::{PrandtlIshlinskii, Preisach};
 use super::springs::SpringSnake;
-use super::wire::Wire;
+use super::transmission::{Gear, TransmissionError, Wire};
 use crate::ageing::{Ageing, AgeingEffect, Change};
 
 /// Maximum inner steps of one step: a jump takes bounded time, in coarser steps.
 const MAX_INNER_STEPS: u32 = 1000;
 
-/// A snake of any physics: motor positions in, pitch and yaw of the tip out. Pure: the same steps
-/// give the same angles to the bit.
+/// A snake of any physics: motor positions in, pitch and yaw of the tip out.
 #[derive(Debug, Clone)]
 pub struct Snake(Kind);
 
@@ -44,8 +42,7 @@ impl From<SpringSnake> for Snake {
 }
 
 impl Snake {
-    /// A straight snake at rest. `physics` is not [`Physics::Springs`], which has its own frame.
-    /// `seed` determines random ageing.
+    /// A straight snake at rest, of any physics but springs. `seed` determines random ageing.
     pub(super) fn drawn(physics: Physics, draw: &mut Draw, seed: u64) -> Self {
         let frame = Frame::draw(draw);
         let gain = frame.deg_per_count;
@@ -103,8 +100,7 @@ impl Snake {
         }
     }
 
-    /// Starts a change of this snake, after its own `start_s`. It has been checked
-    /// ([`Change::check`]).
+    /// Starts a change of this snake, checked by [`Change::check`], after its own `start_s`.
     pub fn begin_ageing(&mut self, change: Change) {
         match &mut self.0 {
             Kind::Springs(snake) => snake.begin_ageing(change),
@@ -118,7 +114,8 @@ impl DrawnState {
         let dt_s = if dt_s.is_finite() { dt_s.max(0.0) } else { 0.0 };
         self.effect = self.ageing.step(dt_s).unwrap_or(self.effect);
         let from = self.travel;
-        let ahead = self.ahead(motor_counts);
+        let counts = self.transmission.map_or(motor_counts, |error| error.turned(motor_counts));
+        let ahead = self.frame.travel(counts, &mut self.counts, &self.effect);
         let play = self.play_deg();
         self.travel = [0, 1].map(|motor: usize| {
             from[motor].clamp(ahead[motor] - play[motor], ahead[motor] + play[motor])
@@ -133,12 +130,6 @@ impl DrawnState {
             let share = f64::from(step) / f64::from(steps);
             hysteresis.advance(inner_s, between(from, self.travel, share), &self.effect);
         }
-    }
-
-    /// Travel of the motors before the play, degrees.
-    fn ahead(&mut self, motor_counts: Pair) -> Pair {
-        let counts = self.transmission.map_or(motor_counts, |error| error.turned(motor_counts));
-        self.frame.travel(counts, &mut self.counts, &self.effect)
     }
 
     /// Half of the play that each motor has from gap growth, degrees.
@@ -164,8 +155,7 @@ impl DrawnState {
 /// Largest valid motor position, counts.
 const MAX_COUNTS: f64 = 1e4;
 
-/// Maps counts to wire travel, and the bend of each motor to pitch and yaw: shared by all drawn
-/// snakes besides the hysteresis. No memory.
+/// Maps counts to travel, and bends to pitch and yaw; shared by all drawn snakes. No memory.
 #[derive(Debug, Clone, PartialEq)]
 struct Frame {
     /// Wire travel per count, degrees of bend without losses.
@@ -183,8 +173,7 @@ struct Frame {
 impl Frame {
     fn draw(draw: &mut Draw) -> Self {
         let gain = draw.uniform(0.0225, 0.026);
-        // As on the robot, the motors bend at 45 degrees to pitch and yaw, with the tolerance of
-        // this size.
+        // As on the robot, the motors bend at 45 degrees to pitch and yaw, with this tolerance.
         let turn = 45.0 + draw.uniform(-6.0, 6.0);
         let planes = [turn, turn + 90.0 + draw.uniform(-5.0, 5.0)].map(|angle: f64| {
             let (sin, cos) = angle.to_radians().sin_cos();

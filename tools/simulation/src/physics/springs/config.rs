@@ -334,23 +334,3 @@ fn friction(draw: &mut Draw, segments: usize, kinds: usize) -> FrictionConfig {
         bristles,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use super::*;
-
-    /// The JSON Schema of the snake in `config/schema` follows from the code.
-    /// After a change of the snake, run this test with `I2RIS_UPDATE_SCHEMA=1` and commit the file.
-    #[test]
-    fn the_schema_file_is_up_to_date() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/schema/snake.json");
-        let schema = serde_json::Value::from(schemars::schema_for!(SnakeConfig));
-        let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
-        if std::env::var_os("I2RIS_UPDATE_SCHEMA").is_some() {
-            fs::write(&path, &text).unwrap();
-        }
-        assert_eq!(fs::read_to_string(&path).unwrap(), text);
-    }
-}

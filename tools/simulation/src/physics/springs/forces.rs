@@ -5,12 +5,10 @@
 use super::config::{FrictionConfig, MAX_BRISTLES};
 use crate::physics::hysteresis::{Pair, add, dot};
 
-/// A force and its slope over the displacement.
+/// A force, degrees of wire stretch, and its slope over the displacement, per degree.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Force {
-    /// In degrees of wire stretch.
     pub value: f64,
-    /// Per degree.
     pub slope: f64,
 }
 
@@ -24,8 +22,7 @@ impl Force {
     }
 }
 
-/// A one-sided spring: nothing below 0, stiffness 1 above, the corner rounded over `softness` on
-/// both sides.
+/// A one-sided spring: nothing below 0, stiffness 1 above, rounded over `softness` on both sides.
 pub(super) fn contact(travel: f64, softness: f64) -> Force {
     if travel <= -softness {
         Force::default()
@@ -110,20 +107,17 @@ pub(super) struct Bristles {
     own: [Pair; MAX_BRISTLES],
 }
 
-/// The friction of a segment after a movement.
+/// The friction of a segment after a movement, pitch and yaw, and its slope, symmetric.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FrictionForce {
     /// The bristles after slipping.
     pub bristles: Bristles,
-    /// Pitch and yaw.
     pub force: Pair,
-    /// The slope of the force, symmetric.
     pub slope: [Pair; 2],
 }
 
 impl Bristles {
-    /// Moves the segment by `moved`. `share` scales the break-away forces for this segment; `axes`
-    /// are the directions of the motors in pitch and yaw.
+    /// Moves the segment. `share` scales its break-away forces; `axes`: directions of the motors.
     pub(super) fn slide(
         &self,
         config: &FrictionConfig,

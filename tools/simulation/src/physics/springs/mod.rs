@@ -1,8 +1,6 @@
-//! The snake: motor positions in, pitch and yaw of the tip out, with the hysteresis of gears, wires
-//! and friction.
+//! The snake with the hysteresis of gears, wires and friction.
 //!
-//! Pure: no clock, no input, no output. The same steps from the same seed give the same angles to
-//! the bit, in the emulator and in offline research.
+//! Pure. The same steps from the same seed give the same angles to the bit.
 //!
 //! # Glossary
 //!
@@ -20,14 +18,12 @@
 //! | file | content |
 //! |---|---|
 //! | `config` | parameters, from a file or at random |
-//! | `force_balance` | the force balance in one step |
+//! | `force_balance` | the force balance in one step, and its solver |
 //! | `forces` | force laws with their slopes; friction of a segment |
-//! | `newton` | the solver of the balance |
 
 mod config;
 mod force_balance;
 mod forces;
-mod newton;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -39,21 +35,17 @@ pub use config::{
     BristleConfig, DriftConfig, FrictionConfig, GearConfig, SegmentConfig, SnakeConfig,
     SnakeConfigError, WireConfig,
 };
-use force_balance::{Drive, State, Step, flank};
+use force_balance::{State, Step, flank_force};
 
 use super::hysteresis::{Pair, add, subtract};
 use crate::ageing::{Ageing, AgeingEffect, Change};
 
-/// Wire travel per inner step, degrees, about one count: the friction limits follow the tension
-/// from step to step.
+/// Wire travel per inner step, degrees, about a count: friction follows the tension in steps.
 const INNER_STEP_DEG: f64 = 0.02;
-
 /// Maximum inner steps of one step: a jump takes bounded time, in coarser steps.
 const MAX_INNER_STEPS: u32 = 1000;
-
 /// Largest valid motor position, counts.
 const MAX_COUNTS: f64 = 1e6;
-
 /// Shortest time step, seconds, so that the drag stays finite.
 const MIN_STEP_S: f64 = 1e-9;
 
@@ -109,13 +101,13 @@ impl SpringSnake {
 
     /// Pitch and yaw of the tip, degrees.
     pub fn angles_deg(&self) -> [f64; 2] {
-        let bend = add(self.state.total_bend(), self.drift.offset_deg);
-        self.effect.seen(bend)
+        self.effect.seen(add(self.state.total_bend(), self.drift.offset_deg))
     }
 
     /// Force of each motor on its gear, degrees of wire stretch; 0 inside the backlash.
     pub(crate) fn load(&self) -> [f64; 2] {
-        [0, 1].map(|motor: usize| flank(&self.config.gear, motor, &self.state))
+        let travel = subtract(self.state.motor, self.state.pulley);
+        [0, 1].map(|motor: usize| flank_force(&self.config.gear, motor, travel[motor]).value)
     }
 
     pub(crate) fn begin_ageing(&mut self, change: Change) {
@@ -137,22 +129,20 @@ impl SpringSnake {
     fn inner_step(&mut self, dt_s: f64, motor: Pair) {
         let drift = self.drift.friction_factor();
         let friction = self.effect.friction.map(|aged| drift * aged);
-        let step = Step::new(&self.config, self.axes, self.state, Drive { motor, dt_s, friction });
+        let step = Step::new(&self.config, self.axes, self.state, motor, dt_s, friction);
         self.state = step.solve();
         let left = (-dt_s / self.config.drift.creep_time_s).exp();
-        self.state.creep(left);
+        self.state.bristles.iter_mut().for_each(|bristles| bristles.creep(left));
     }
 }
 
 /// The grid, seconds; a power of two, so that sums of steps are exact.
 const GRID_S: f64 = 0.125;
-
 /// Longest simulated pause: after it the process is independent of its past.
 const MAX_PAUSE_S: f64 = 36_000.0;
 
 /// Slow random changes of friction and the zero: Ornstein-Uhlenbeck processes with a known standard
-/// deviation in the long run. They advance on a fixed time grid, so the path does not depend on the
-/// time steps of the caller.
+/// deviation in the long run, on a fixed grid: the path does not depend on the steps of the caller.
 #[derive(Debug, Clone)]
 struct SlowChange {
     config: DriftConfig,
@@ -196,8 +186,7 @@ impl SlowChange {
     }
 }
 
-/// One step of the grid, exact for the process: `x <- a x + deviation sqrt(1 - a^2) noise`,
-/// `a = exp(-dt / time)`.
+/// One exact step of the grid: `x <- a x + deviation sqrt(1 - a^2) noise`, `a = exp(-dt / time)`.
 fn advance(value: &mut f64, deviation: f64, time_s: f64, random: &mut Pcg64Mcg) {
     let noise: f64 = StandardNormal.sample(random);
     let keep = (-GRID_S / time_s).exp();
