@@ -1,5 +1,4 @@
-//! A simulated robot: snakes, motors, drives, camera, and the real control cycle with them in
-//! simulated time.
+//! A simulated robot: snakes, motors, drives, camera; the real control cycle in simulated time.
 //!
 //! Physics and drives are a strict test bench for the controller. They share no model code and no
 //! frame codec with it: both sides are written from the references independently, which a test
@@ -41,9 +40,7 @@ pub mod physics;
 pub mod robot;
 
 pub use drive::frame;
-pub use emulator::config::{
-    DEFAULT_FOLDER, EmulatorConfig, GATEWAY_US, Line, SnakeSource, SnakeSourceError,
-};
+pub use emulator::config::{DEFAULT_FOLDER, EmulatorConfig, Line, SnakeSource, SnakeSourceError};
 pub use emulator::injection::Injection;
 pub use emulator::log;
 pub use emulator::port::{FolderError, LineConfig};

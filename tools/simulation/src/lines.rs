@@ -1,8 +1,7 @@
 //! Serial lines with emulated drives in simulated time: the port threads of the controller against
 //! drives, with the timing of a line. The computing time of the machine is not included.
 //!
-//! Every port has its thread, as in the controller. Only one thread runs at a time, the one with
-//! the earliest instant, so that every run is the same.
+//! Every port has its thread. Only the one with the earliest instant runs: every run is the same.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError, mpsc};
@@ -26,7 +25,6 @@ use crate::emulator::shared::lock;
 
 /// The first tick. Every drive is brought up long before it.
 const BEGIN: Nanos = Nanos::from_millis(60_000);
-
 /// Maximum step of time without a request.
 const SLEEP_STEP: Nanos = Nanos::from_millis(1000);
 
@@ -269,8 +267,7 @@ fn plant(config: &EmulatorConfig) -> (Arc<Mutex<Plant>>, Arc<Log>) {
     (Arc::new(Mutex::new(plant)), log)
 }
 
-/// Lines that one thread uses in turn, as a program without port threads does. The motors are not
-/// coupled to the snake.
+/// Lines that one thread uses in turn, without port threads. The motors do not move the snake.
 #[derive(Clone)]
 pub struct Bench {
     plant: Arc<Mutex<Plant>>,
@@ -310,7 +307,7 @@ impl Transport for BenchLine {
     }
 
     fn now(&self) -> Nanos {
-        self.0.now.max(lock(&self.0.plant).time())
+        self.0.now.max(lock(&self.0.plant).time)
     }
 
     fn sleep_until(&mut self, until: Nanos) {

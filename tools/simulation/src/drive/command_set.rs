@@ -3,11 +3,10 @@
 //! EPOS4: Communication Guide, chapter on the serial line. EPOS2: that of the first EPOS; its
 //! parameters come in another order (reference, section 2.1).
 
-use super::family::{Address, Family};
+use super::dictionary::{Address, Family};
 use super::frame::Request;
 
-/// Why a request is refused: the first four bytes of a reply (EPOS4 Communication Guide,
-/// table 6-20).
+/// Why a request is refused: the first four bytes of a reply (Communication Guide, table 6-20).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Abort {
@@ -16,11 +15,8 @@ pub enum Abort {
     /// No reply from a node on the CAN bus.
     SdoTimeout = 0x0504_0000,
     Crc = 0x0504_0004,
-    /// Access of this kind is not supported.
     UnsupportedAccess = 0x0601_0000,
-    /// The object is write-only.
     WriteOnly = 0x0601_0001,
-    /// The object is read-only.
     ReadOnly = 0x0601_0002,
     NoObject = 0x0602_0000,
     /// Length of the data and of the object differ.

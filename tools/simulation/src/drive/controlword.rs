@@ -1,9 +1,8 @@
-//! Effects of controlwords and faults; the statusword, and the other objects that are computed when
-//! they are read.
+//! Effects of controlwords and faults; the statusword and other objects computed when read.
 
 use super::device::{Drive, Homing, Setpoints};
+use super::dictionary::Mode;
 use super::event::{EventKind, Fault, HostBug, Reaction};
-use super::family::Mode;
 use super::state::{DeviceCommand, State, Task};
 
 /// Bit 4: new setpoint, or start homing.
@@ -52,29 +51,25 @@ impl Drive {
         }
     }
 
-    pub(super) fn power_off(&mut self) {
+    /// Enters a state without power.
+    pub(super) fn power_off(&mut self, state: State) {
         self.task = Task::Off;
         self.setpoints = Setpoints::default();
+        self.enter(state);
     }
 
-    /// Ends the ramp of a stop: enters the next state, then executes the controlword that was
-    /// received in the meantime.
+    /// Ends the ramp of a stop: enters the next state, then executes the newest controlword.
     pub(super) fn finish_stop(&mut self, then: State) {
-        self.power_off();
-        self.enter(then);
+        self.power_off(then);
         self.command(self.controlword);
     }
 
-    /// Executes the state command of a controlword. During a ramp only disable voltage is executed:
-    /// one command must finish before the next one.
+    /// Executes a state command; during a ramp only disable voltage: one command must finish first.
     fn command(&mut self, controlword: u16) {
-        let Some(command) = DeviceCommand::from_controlword(controlword) else {
-            return;
-        };
-        if self.task.is_leaving() && command != DeviceCommand::DisableVoltage {
-            return;
-        }
-        let Some(to) = command.next_state(self.state) else {
+        let is_free = !self.task.is_leaving();
+        let command = DeviceCommand::from_controlword(controlword)
+            .filter(|command| is_free || *command == DeviceCommand::DisableVoltage);
+        let Some(to) = command.and_then(|command| command.next_state(self.state)) else {
             return;
         };
         match (self.state, to) {
@@ -85,15 +80,11 @@ impl Drive {
             }
             (State::OperationEnabled, State::ReadyToSwitchOn) => self.leave(0x605B, to),
             (State::OperationEnabled, State::SwitchedOn) => self.leave(0x605C, to),
-            _ => {
-                self.power_off();
-                self.enter(to);
-            }
+            _ => self.power_off(to),
         }
     }
 
-    /// Enables the power stage. In the cyclic position mode the motor moves to object 0x607A at
-    /// once, however old that is.
+    /// Enables the power stage. In cyclic position the motor moves to an old 0x607A at once.
     fn enable(&mut self) {
         self.demand = self.actual();
         self.setpoints = Setpoints::default();
@@ -104,8 +95,7 @@ impl Drive {
     /// Leaves operation according to an option code: 0 at once, 1 after a ramp.
     fn leave(&mut self, option: u16, to: State) {
         if self.dictionary.get(option, 0) == 0 {
-            self.power_off();
-            self.enter(to);
+            self.power_off(to);
         } else {
             self.brake(self.per_second(0x6084), Some(to));
         }
@@ -168,15 +158,13 @@ impl Drive {
         }
     }
 
-    /// Starts homing: on the present position, or at the hard stop in a direction. The other
-    /// methods need switches or an index, and fail here.
+    /// Homes on the present position or at a hard stop. Other methods need switches, and fail.
     fn home(&mut self) {
         let method = self.dictionary.get(0x6098, 0);
         if matches!(method, -3 | -4) {
             let speed = self.per_second(0x6099) * if method == -3 { 1.0 } else { -1.0 };
             self.homing = Homing::Idle;
-            let pressed_s = 0.0;
-            self.task = Task::SearchStop { speed, pressed_s };
+            self.task = Task::SearchStop { speed, pressed_s: 0.0 };
         } else {
             self.end_homing(method == self.map().actual_position_method);
         }
@@ -217,10 +205,7 @@ impl Drive {
                 self.enter(State::FaultReactionActive);
                 self.brake(self.per_second(deceleration), Some(State::Fault));
             }
-            _ => {
-                self.power_off();
-                self.enter(State::Fault);
-            }
+            _ => self.power_off(State::Fault),
         }
     }
 
@@ -245,8 +230,7 @@ impl Drive {
     /// Puts a fault into the error history (object 0x1003), newest first.
     fn add_to_history(&mut self, fault: Fault) {
         for entry in (1..5).rev() {
-            let older = self.dictionary.get(0x1003, entry);
-            self.dictionary.set(0x1003, entry + 1, older);
+            self.dictionary.set(0x1003, entry + 1, self.dictionary.get(0x1003, entry));
         }
         let count = self.dictionary.get(0x1003, 0) + 1;
         self.dictionary.set(0x1003, 1, i64::from(fault.0));

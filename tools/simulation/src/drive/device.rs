@@ -2,9 +2,8 @@
 
 use i2ris::units::Nanos;
 
-use super::dictionary::Dictionary;
+use super::dictionary::{Address, Dictionary, Mode, ObjectMap};
 use super::event::{EventKind, Fault};
-use super::family::{Address, Mode, ObjectMap};
 use super::motor::{Demand, DriveConfig, Motor};
 use super::service::SegmentedTransfer;
 use super::state::{State, Task};
@@ -22,9 +21,8 @@ pub(super) enum Homing {
 /// Setpoints of the profile position mode, in counts of the motor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Setpoints {
-    /// The setpoint of the present movement.
     pub(super) active: Option<f64>,
-    /// The setpoint after it.
+    /// The setpoint after the active one.
     pub(super) queued: Option<f64>,
     pub(super) acknowledged: bool,
     /// The last accepted setpoint, as written.
@@ -42,7 +40,7 @@ pub struct Drive {
     pub(super) controlword: u16,
     pub(super) task: Task,
     pub(super) demand: Demand,
-    pub(super) motor: Motor,
+    pub(crate) motor: Motor,
     /// The encoder does not count: it reports this position of the motor.
     pub(super) frozen: Option<f64>,
     /// Counts that the encoder has missed.
@@ -84,8 +82,7 @@ pub struct DriveSnapshot {
     pub demand: i32,
     /// The setpoint that acts at once (object 0x607A; EPOS2 0x2062), counts.
     pub target: i32,
-    /// True position of the motor since the start of the emulator, counts. Homing does not change
-    /// it.
+    /// True position of the motor since the start, counts: unchanged by homing.
     pub motor_counts: f64,
     pub homed: bool,
 }
@@ -116,20 +113,13 @@ impl Drive {
         self.motor.reached
     }
 
-    /// Sets the load of the wires on the motor, degrees of wire stretch.
-    pub fn set_load(&mut self, load: f64) {
-        self.motor.load = load;
-    }
-
     /// Timeout of an incomplete frame (object 0x2005).
     pub fn frame_timeout(&self) -> Nanos {
         Nanos::from_millis(self.dictionary.get(0x2005, 0).unsigned_abs())
     }
 
-    /// Switches the power off and on again, or resets the node: parameters as stored, position
-    /// lost, no reply until it has booted.
+    /// Power off and on, or reset: parameters as stored, position lost, no reply until booted.
     pub fn power_cycle(&mut self) {
-        self.power_off();
         self.lose_position();
         self.dictionary = self.stored.clone();
         let mode = self.config.family.mode(self.dictionary.get(0x6060, 0));
@@ -142,7 +132,7 @@ impl Drive {
         self.homing = Homing::Idle;
         self.transfer = SegmentedTransfer::default();
         self.boot_left_s = self.config.boot_ms as f64 * 1e-3;
-        self.enter(State::NotReadyToSwitchOn);
+        self.power_off(State::NotReadyToSwitchOn);
     }
 
     pub fn snapshot(&self) -> DriveSnapshot {

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use i2ris::drive::objects::{self, Access, Entry, Kind};
 
-use super::family::Family;
+use super::dictionary::Family;
 
 /// The objects of a real drive.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,8 +50,7 @@ impl DeviceFile {
             .map_err(|reason| DeviceFileError { file: file.to_owned(), reason })
     }
 
-    /// Reads the content of a file. A table has no firmware version; it is taken from the four
-    /// digits after `fw` in the name of the file.
+    /// Reads a file. The firmware version of a table is the four digits after `fw` in its name.
     pub fn parse(text: &str, name: &str) -> Result<Self, String> {
         let (objects, product, firmware) = if text.starts_with("index,subindex,type,access") {
             let digits = name.split_once("fw").and_then(|(_, rest)| rest.get(..4));
@@ -123,8 +122,7 @@ fn sections(text: &str) -> Result<BTreeMap<String, Keys<'_>>, String> {
     Ok(sections)
 }
 
-/// The objects among the sections. All listed objects must exist, with their subindices: in a
-/// truncated file the last are missing.
+/// The objects. All listed ones must exist: in a truncated file the last are missing.
 fn read_eds<'a>(
     sections: &BTreeMap<String, Keys<'a>>,
 ) -> Result<BTreeMap<(u16, u8), Keys<'a>>, String> {

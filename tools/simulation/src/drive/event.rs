@@ -1,9 +1,8 @@
 //! Fault codes with the reactions to them; events of an axis, for the log.
 
-use super::family::{Family, Mode};
+use super::dictionary::{Family, Mode};
 use super::state::State;
 
-/// Reaction of a drive to a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reaction {
     /// Disables the power stage at once, without a controlled stop.
@@ -35,10 +34,8 @@ impl Fault {
             (Family::Epos2, 0xFF06 | 0xFF07 | 0xFF09) => Reaction::FaultOption,
             (Family::Epos2, 0xFF00..) => Reaction::Disable,
             (_, 0x8611 | 0x8A80..=0x8A82 | 0xFF10) => Reaction::FaultOption,
-            (_, 0x6081 | 0x8110..=0x8180 | 0x8182..=0x8184 | 0x81FD..=0x81FF) => {
-                Reaction::AbortOption
-            }
-            (_, 0x8210 | 0x8250 | 0x8280 | 0x8281) => Reaction::AbortOption,
+            (_, 0x6081 | 0x8110..=0x8180 | 0x8182..=0x8184 | 0x81FD..=0x81FF)
+            | (_, 0x8210 | 0x8250 | 0x8280 | 0x8281) => Reaction::AbortOption,
             (_, 0xFF01) => Reaction::Warning,
             _ => Reaction::Disable,
         }
@@ -47,12 +44,8 @@ impl Fault {
     /// Whether the position is lost when the fault is reset.
     pub fn clears_position(self, family: Family) -> bool {
         match family {
-            Family::Epos2 => {
-                matches!(self.0, 0xFF01..=0xFF04 | 0xFF08 | 0xFF0A | 0xFF11)
-            }
-            Family::Epos4 => {
-                matches!(self.0, 0x7380..=0x7382 | 0x7388..=0x738A | 0x7392 | 0xFF02)
-            }
+            Family::Epos2 => matches!(self.0, 0xFF01..=0xFF04 | 0xFF08 | 0xFF0A | 0xFF11),
+            Family::Epos4 => matches!(self.0, 0x7380..=0x7382 | 0x7388..=0x738A | 0x7392 | 0xFF02),
         }
     }
 
@@ -79,7 +72,6 @@ pub enum EventKind {
         to: State,
     },
     Mode(Mode),
-    /// A fault with this code was raised.
     Fault(u16),
     /// Homing ended; true if it succeeded.
     Homing(bool),
@@ -96,7 +88,6 @@ pub enum EventKind {
 /// Something on the line that the drive could not use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineTrouble {
-    /// A frame with a wrong CRC.
     Crc,
     /// A frame that was not complete within the frame timeout. It is dropped without a reply.
     FrameTimeout,
@@ -111,8 +102,7 @@ pub enum HostBug {
     Pipelined,
     /// An opcode that the drive does not know.
     Opcode(u8),
-    /// A new setpoint in profile position mode without clearing bit 4 first. The drive ignores it
-    /// without an error.
+    /// A new profile setpoint without clearing bit 4 first: ignored without an error.
     SetpointIgnored,
 }
 

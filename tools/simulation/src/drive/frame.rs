@@ -4,23 +4,17 @@
 //! reference and independent of the controller's code: a misreading on one side fails the tests.
 //!
 //! The CRC is the XMODEM one over the unstuffed bytes with each pair swapped: the drive computes it
-//! over 16-bit words, most significant bit first, while the line carries the low byte of a word
-//! first.
+//! over words, most significant bit first; the line carries the low byte of a word first.
 
 use crc::{CRC_16_XMODEM, Crc};
 
 /// First byte of a frame, and the one that is doubled inside.
 const DLE: u8 = 0x90;
-
-/// Second byte of a frame.
 const STX: u8 = 0x02;
-
 /// Maximum data words of a frame (EPOS4 Communication Guide, table of the frame).
 const MAX_WORDS: u8 = 143;
-
 /// OpCode of every reply.
 const REPLY: u8 = 0x00;
-
 const CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_XMODEM);
 
 /// A request with a valid CRC.
@@ -34,7 +28,6 @@ pub struct Request {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Incoming {
     Request(Request),
-    /// A frame with a wrong CRC.
     WrongCrc,
 }
 
@@ -150,8 +143,7 @@ mod tests {
         wire.iter().filter_map(|byte| parser.push(*byte)).collect()
     }
 
-    /// Requests of the reference, section 1.9: captures from outside first, then computed ones.
-    /// Columns: frame on the wire; opcode and data.
+    /// Requests of the reference, section 1.9, captures first. Columns: frame; opcode and data.
     const REQUESTS: &str = "\
 90 02 60 02 01 B0 30 00 2E 62                         | 60 01 B0 30 00
 90 02 60 02 01 40 60 00 96 A7                         | 60 01 40 60 00

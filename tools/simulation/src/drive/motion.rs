@@ -2,8 +2,8 @@
 
 use super::controlword::{HALT, START};
 use super::device::{Drive, Homing, Setpoints};
+use super::dictionary::Mode;
 use super::event::{EventKind, Fault};
-use super::family::Mode;
 use super::motor::{Demand, Limits, ProfileLimits};
 use super::state::{State, Task};
 
@@ -92,8 +92,7 @@ impl Drive {
         (self.dictionary.get(0x607D, 1), self.dictionary.get(0x607D, 2))
     }
 
-    /// The setpoint that acts at once, counts of the motor. It is clamped to the position limits if
-    /// the family has no fault for a setpoint beyond them.
+    /// The setpoint that acts at once, counts of the motor; clamped if the family has no fault.
     fn direct_target(&self) -> f64 {
         let target = self.stored(self.map().direct_target) + self.dictionary.get(0x60B0, 0);
         let (low, high) = self.position_limits();
@@ -102,16 +101,14 @@ impl Drive {
         self.to_motor(if clamps { target.clamp(low, high) } else { target })
     }
 
-    /// Whether a target, counts of the motor, is beyond the software position limits. Both 0 means
-    /// no limits.
+    /// Whether a target, counts of the motor, is beyond the software limits. Both 0: no limits.
     pub(super) fn is_beyond_limits(&self, target: f64) -> bool {
         let (low, high) = self.position_limits();
         (low, high) != (0, 0) && (target < self.to_motor(low) || target > self.to_motor(high))
     }
 
     pub(super) fn rpm(&self, rpm: i64) -> f64 {
-        let turn = 4.0 * self.stored(self.map().encoder_pulses) as f64;
-        rpm as f64 / 60.0 * turn
+        rpm as f64 / 60.0 * (4.0 * self.stored(self.map().encoder_pulses) as f64)
     }
 
     fn profile_limits(&self) -> ProfileLimits {
@@ -140,8 +137,7 @@ impl Drive {
                 }
             }
             Task::Velocity => {
-                let speed = self.max_profile_speed();
-                let limits = ProfileLimits { speed, ..limits };
+                let limits = ProfileLimits { speed: self.max_profile_speed(), ..limits };
                 self.demand.run(self.per_second(0x60FF), limits, dt_s);
             }
             Task::CyclicVelocity => {
@@ -232,8 +228,7 @@ impl Drive {
         }
     }
 
-    /// With interpolation on, a setpoint is expected every period. Two periods without one are too
-    /// long.
+    /// With interpolation on, two periods without a setpoint are too long.
     fn is_setpoint_late(&self) -> bool {
         let exponent = self.dictionary.get(0x60C2, 2) as i32;
         let period = self.dictionary.get(0x60C2, 1) as f64 * 10f64.powi(exponent);

@@ -1,16 +1,14 @@
-//! Motor, encoder and position controller of one drive; the demand that they follow, moved by
-//! trapezoidal profiles and ramps.
+//! Motor, encoder and position controller of one drive; the demand, moved by profiles and ramps.
 
 use super::device_file::DeviceFile;
-use super::family::Family;
+use super::dictionary::Family;
 
 /// Parameters of the motor and its position controller.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotorConfig {
     /// Pulses of the encoder per turn; four increments (counts) each.
     pub encoder_pulses: u32,
-    /// Bandwidth of the closed position loop, Hz. On a ramp it lags by the ramp divided by pi times
-    /// this.
+    /// Bandwidth of the position loop, Hz. It lags a ramp by the ramp over pi times this.
     pub bandwidth_hz: f64,
     /// Acceleration per current, counts per second squared and mA.
     pub acceleration_per_ma: f64,
@@ -84,9 +82,8 @@ impl Motor {
         self.velocity.abs() < STANDSTILL
     }
 
-    /// One step under the position controller (proportional and derivative, critically damped) with
-    /// Coulomb friction. The load is balanced, as by an integral part without lag, so that it shows
-    /// in the current only.
+    /// One step under the position controller (PD, critically damped) with Coulomb friction. The
+    /// load is balanced, as by an integral part without lag: it shows in the current only.
     pub fn follow(&mut self, config: &MotorConfig, demand: f64, limits: Limits, dt_s: f64) {
         let rate = std::f64::consts::TAU * config.bandwidth_hz;
         let target = rate * rate * (demand - self.position) - 2.0 * rate * self.velocity;
@@ -169,13 +166,11 @@ pub struct DriveConfig {
     pub segment_bytes: u8,
     /// Timeout of a request to another node, milliseconds.
     pub gateway_timeout_ms: u64,
-    /// Whether interpolation (0x60C2:01 above 0) expects setpoints in time over a serial line too:
-    /// fault 0x8250.
+    /// Interpolation (0x60C2:01 above 0) expects setpoints in time on a serial line: fault 0x8250.
     pub interpolation_timeout: bool,
     /// Whether a halt acts in the modes that follow every setpoint.
     pub cyclic_halt: bool,
-    /// A setpoint beyond the position limits is clipped to them, even if the family has a fault for
-    /// it.
+    /// A setpoint beyond the limits is clipped to them, even if the family has a fault for it.
     pub clips_setpoints: bool,
     /// The gateway forwards segmented reads.
     pub forwards_segments: bool,
@@ -276,12 +271,8 @@ mod tests {
 
     use super::*;
 
-    const LIMITS: Limits = limits(300.0, 50_000.0);
+    const LIMITS: Limits = Limits { current_ma: 300.0, speed: 50_000.0 };
     const DT_S: f64 = 0.0005;
-
-    const fn limits(current_ma: f64, speed: f64) -> Limits {
-        Limits { current_ma, speed }
-    }
 
     /// Follows a demand; returns the motor and its highest speed.
     fn run(limits: Limits, seconds: f64, demand: impl Fn(f64) -> f64) -> (Motor, f64) {
@@ -307,8 +298,8 @@ mod tests {
 
     #[test]
     fn speed_and_current_are_limited() {
-        assert!(run(limits(300.0, 1000.0), 0.1, |_| 5000.0).1 <= 1000.0);
-        let (weak, _) = run(limits(1.0, 50_000.0), 0.2, |_| 500.0);
+        assert!(run(Limits { speed: 1000.0, ..LIMITS }, 0.1, |_| 5000.0).1 <= 1000.0);
+        let (weak, _) = run(Limits { current_ma: 1.0, ..LIMITS }, 0.2, |_| 500.0);
         assert_eq!(weak.position, 0.0, "1 mA does not overcome the friction");
     }
 

@@ -5,9 +5,9 @@ use i2ris::units::Nanos;
 
 use super::command_set::{Abort, Addressed, Segment, Service, decode};
 use super::device::{Drive, factory_settings};
+use super::dictionary::{Address, Family};
 use super::event::{EventKind, HostBug, LineTrouble};
-use super::family::{Address, Family};
-use super::frame::Incoming;
+use super::frame::{Incoming, Request};
 use super::state::State;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,10 +18,8 @@ pub struct Reply {
     pub delay: Nanos,
 }
 
-/// Content of the bytes that a short value does not need: garbage, and the upper word that public
-/// code has read from an EPOS2.
+/// Bytes beyond a short value: garbage, and the upper word that public code read from an EPOS2.
 const UNUSED_BYTES: [u8; 4] = [0xA5, 0x5A, 0x90, 0x80];
-
 /// "save" and "load", the signatures that protect objects 0x1010 and 0x1011.
 const SAVE: u32 = 0x6576_6173;
 const LOAD: u32 = 0x6461_6F6C;
@@ -32,8 +30,7 @@ impl Drive {
         self.state == State::NotReadyToSwitchOn
     }
 
-    /// The reply to a frame at its own port, or `None` while booting or silent. `others`: the other
-    /// drives on its CAN bus, and the round-trip time to them.
+    /// The reply at its own port; none while booting or silent. `others`: its CAN bus, round trip.
     pub fn reply_at_port(
         &mut self,
         incoming: &Incoming,
@@ -45,11 +42,7 @@ impl Drive {
             return None;
         }
         // The error reply to a read may have the length of its data.
-        let opcode = match incoming {
-            Incoming::Request(request) => request.opcode,
-            Incoming::WrongCrc => 0,
-        };
-        let is_read = matches!(opcode, 0x10 | 0x60);
+        let is_read = matches!(incoming, Incoming::Request(Request { opcode: 0x10 | 0x60, .. }));
         let (node, service) = match self.decode(incoming) {
             Ok(addressed) => addressed,
             Err(abort) => return Some(self.reply(Err(abort), is_read)),
@@ -87,8 +80,7 @@ impl Drive {
             }
             (abort, _) => (Err(abort.unwrap_or(Abort::SdoTimeout)), delay),
         };
-        let reply = self.reply(outcome, is_read);
-        Some(Reply { delay, ..reply })
+        Some(Reply { delay, ..self.reply(outcome, is_read) })
     }
 
     /// Decodes a frame that arrived at its own port.
@@ -99,8 +91,7 @@ impl Drive {
         };
         decode(self.config.family, request).inspect_err(|abort| {
             if *abort == Abort::IllegalCommand {
-                let bug = HostBug::Opcode(request.opcode);
-                self.events.push(EventKind::HostBug(bug));
+                self.events.push(EventKind::HostBug(HostBug::Opcode(request.opcode)));
             }
         })
     }
@@ -170,8 +161,7 @@ impl Drive {
 
     /// Writes an object and applies the value.
     fn write(&mut self, (index, sub): Address, raw: u32) -> Result<(), Abort> {
-        let is_powered = self.state.is_powered();
-        let value = self.dictionary.check_write(index, sub, raw, is_powered)?;
+        let value = self.dictionary.check_write(index, sub, raw, self.state.is_powered())?;
         match (index, sub, raw) {
             (0x1010, 1, SAVE) => {
                 self.stored = self.dictionary.clone();
@@ -263,8 +253,7 @@ pub struct Gateway {
 }
 
 impl Gateway {
-    /// Additional time for a request to a node, and the abort code of the gateway for a node that
-    /// does not answer.
+    /// Additional time for a request to a node, and the abort code if it does not answer.
     pub fn forward(self, node_answers: bool) -> (Nanos, Option<Abort>) {
         if node_answers { (self.round_trip, None) } else { (self.timeout, Some(Abort::SdoTimeout)) }
     }
@@ -273,7 +262,6 @@ impl Gateway {
 /// A segmented transfer. `toggle` is the toggle bit of the next segment.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(super) enum SegmentedTransfer {
-    /// None.
     #[default]
     Idle,
     /// The bytes that are left to read.
@@ -293,8 +281,7 @@ impl SegmentedTransfer {
         *self = Self::Write { to, length, written: Vec::new(), toggle: false };
     }
 
-    /// The next segment of at most `most` bytes, and the flag of the last one. A wrong toggle bit
-    /// ends the transfer.
+    /// The next segment of `most` bytes or less; whether it is the last. A wrong toggle ends it.
     fn read(&mut self, toggle: bool, most: usize) -> Result<(Vec<u8>, bool), Abort> {
         match std::mem::take(self) {
             Self::Read { mut left, toggle: expected } if toggle == expected => {

@@ -1,12 +1,15 @@
 //! The CiA 402 state machine: controlword commands and transitions (reference, section 3.2).
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, strum::IntoStaticStr)]
+#[cfg_attr(test, derive(strum::VariantArray))]
+#[strum(serialize_all = "kebab-case")]
 pub enum State {
     #[default]
+    #[strum(serialize = "not-ready")]
     NotReadyToSwitchOn,
     /// Booted, power stage off; parameters can be set.
     SwitchOnDisabled,
-    /// Ready for the switch-on command.
+    #[strum(serialize = "ready")]
     ReadyToSwitchOn,
     /// Switched on, power stage still off.
     SwitchedOn,
@@ -14,7 +17,7 @@ pub enum State {
     OperationEnabled,
     /// Stopped by quick stop; power stage on, holding.
     QuickStopActive,
-    /// The reaction to a fault is in progress.
+    #[strum(serialize = "fault-reaction")]
     FaultReactionActive,
     /// A fault is latched; power stage off.
     Fault,
@@ -41,17 +44,8 @@ impl State {
     }
 
     /// Its name in the log.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::NotReadyToSwitchOn => "not-ready",
-            Self::SwitchOnDisabled => "switch-on-disabled",
-            Self::ReadyToSwitchOn => "ready",
-            Self::SwitchedOn => "switched-on",
-            Self::OperationEnabled => "operation-enabled",
-            Self::QuickStopActive => "quick-stop-active",
-            Self::FaultReactionActive => "fault-reaction",
-            Self::Fault => "fault",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }
 
@@ -71,8 +65,7 @@ pub enum DeviceCommand {
 }
 
 impl DeviceCommand {
-    /// The command in a controlword. While bit 7 is set there is none: only its rising edge has an
-    /// effect.
+    /// The command in a controlword; none while bit 7 is set: only its rising edge has an effect.
     pub const fn from_controlword(controlword: u16) -> Option<Self> {
         if controlword & 0x80 != 0 {
             return None;
@@ -121,18 +114,14 @@ pub(super) enum Task {
     CyclicVelocity,
     /// The torque of object 0x6071.
     Torque,
-    /// Moves towards a hard stop until the current has been high for long enough.
+    /// Moves towards a hard stop, counts per second, until the current has been high for a while.
     SearchStop {
-        /// Counts per second, signed.
         speed: f64,
-        /// How long the current has been above its threshold.
         pressed_s: f64,
     },
-    /// A ramp to standstill; then holds, or disables the power stage and changes the state.
+    /// A ramp to standstill, counts per second squared; then holds, or enters a powerless state.
     Brake {
-        /// Counts per second squared.
         deceleration: f64,
-        /// The state after the ramp.
         then: Option<State>,
     },
 }
@@ -146,15 +135,10 @@ impl Task {
 
 #[cfg(test)]
 mod tests {
+    use strum::VariantArray;
+
     use super::State::*;
     use super::*;
-
-    const OFF: [State; 4] = [NotReadyToSwitchOn, SwitchOnDisabled, ReadyToSwitchOn, Fault];
-    const ON: [State; 4] = [SwitchedOn, OperationEnabled, QuickStopActive, FaultReactionActive];
-
-    fn all() -> impl Iterator<Item = State> {
-        OFF.into_iter().chain(ON)
-    }
 
     #[test]
     fn controlword_patterns_are_commands() {
@@ -193,19 +177,18 @@ mod tests {
             (0x02, OperationEnabled, QuickStopActive),
         ];
         for controlword in [0x00u16, 0x02, 0x06, 0x07, 0x0F] {
-            for from in all() {
-                let row = table.iter().find(|row| row.0 == controlword && row.1 == from);
+            for from in State::VARIANTS {
+                let row = table.iter().find(|row| row.0 == controlword && row.1 == *from);
                 let command = DeviceCommand::from_controlword(controlword).unwrap();
-                let name = from.name();
                 let expected = row.map(|row| row.2);
-                assert_eq!(command.next_state(from), expected, "{controlword:02X} in {name}");
+                assert_eq!(command.next_state(*from), expected, "{controlword:02X} in {from:?}");
             }
         }
     }
 
     #[test]
     fn status_bits_identify_the_states() {
-        let mut bits: Vec<u16> = all().map(State::bits).collect();
+        let mut bits: Vec<u16> = State::VARIANTS.iter().map(|state| state.bits()).collect();
         assert!(bits.iter().all(|bits| bits & !0x6F == 0));
         bits.sort_unstable();
         bits.dedup();

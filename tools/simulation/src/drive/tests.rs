@@ -14,12 +14,14 @@ struct DriveUnderTest {
 }
 
 impl DriveUnderTest {
-    fn new(config: DriveConfig) -> Self {
+    fn with(change: impl FnOnce(&mut DriveConfig)) -> Self {
+        let mut config = DriveConfig::default();
+        change(&mut config);
         Self { drive: Drive::new(&config, 0.0) }
     }
 
     fn fresh() -> Self {
-        Self::new(DriveConfig::default())
+        Self::with(|_| {})
     }
 
     /// A drive in a mode of operation, enabled.
@@ -99,10 +101,11 @@ impl DriveUnderTest {
         (self.position() - counts).abs() <= 1
     }
 
-    fn run(&mut self, seconds: f64) {
+    fn run(&mut self, seconds: f64) -> &mut Self {
         for _ in 0..(seconds / DT_S) as usize {
             self.drive.advance(DT_S);
         }
+        self
     }
 
     fn host_bugs(&mut self) -> Vec<EventKind> {
@@ -120,10 +123,8 @@ fn disabling_operation_ramps_down_before_the_power_goes() {
     bench.write(0x6040, 0, 0x07);
     assert_eq!(bench.state(), 0x27, "one command must finish before the next");
     bench.write(0x6040, 0, 0x06);
-    bench.run(0.05);
-    assert_eq!(bench.state(), 0x27);
-    bench.run(0.2);
-    assert_eq!(bench.state(), 0x21, "the second command waited for the ramp");
+    assert_eq!(bench.run(0.05).state(), 0x27);
+    assert_eq!(bench.run(0.2).state(), 0x21, "the second command waited for the ramp");
     assert!(bench.drive.motor.is_at_standstill());
 }
 
@@ -135,8 +136,7 @@ fn shutdown_cuts_the_power_or_ramps_as_configured() {
         bench.run(0.5);
         bench.write(0x6040, 0, 0x06);
         assert_eq!(bench.state(), masked);
-        bench.run(0.5);
-        assert_eq!(bench.state(), 0x21);
+        assert_eq!(bench.run(0.5).state(), 0x21);
     }
 }
 
@@ -144,8 +144,7 @@ fn shutdown_cuts_the_power_or_ramps_as_configured() {
 fn a_silent_line_keeps_the_last_demand() {
     let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.write(0x607A, 0, 500);
-    bench.run(100.0);
-    assert!(bench.is_at(500));
+    assert!(bench.run(100.0).is_at(500));
     assert_eq!(bench.state(), 0x27);
 }
 
@@ -173,15 +172,13 @@ fn the_fault_reaction_follows_the_class_and_the_option() {
         bench.run(0.5);
         bench.drive.raise(Fault(code), false);
         assert_eq!(bench.state(), if immediately { 0x08 } else { 0x0F }, "{code:04X}");
-        bench.run(0.5);
-        assert_eq!(bench.state(), 0x08);
+        assert_eq!(bench.run(0.5).state(), 0x08);
     }
 }
 
 #[test]
 fn the_history_is_newest_first_and_can_be_cleared() {
-    let mut bench =
-        DriveUnderTest::new(DriveConfig { boot_fault: Some(0x8120), ..DriveConfig::default() });
+    let mut bench = DriveUnderTest::with(|config| config.boot_fault = Some(0x8120));
     assert_eq!(bench.state(), 0x08);
     bench.drive.raise(Fault(0x2310), false);
     assert_eq!(bench.read(0x1003, 0) & 0xFF, 2);
@@ -206,18 +203,15 @@ fn resetting_a_sensor_fault_loses_the_position() {
 fn an_old_target_is_a_step_at_enable() {
     let mut bench = DriveUnderTest::fresh();
     bench.writes([(0x607A, 700), (0x6060, 8), (0x6040, 0x06), (0x6040, 0x0F)]);
-    bench.run(0.2);
-    assert!(bench.is_at(700));
+    assert!(bench.run(0.2).is_at(700));
 }
 
 #[test]
 fn a_step_beyond_the_window_is_a_following_error() {
     let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.writes([(0x6065, 300), (0x607A, 301)]);
-    bench.run(0.001);
-    assert_eq!(bench.error_code(), 0x8611);
-    bench.run(0.5);
-    assert_eq!(bench.state(), 0x08);
+    assert_eq!(bench.run(0.001).error_code(), 0x8611);
+    assert_eq!(bench.run(0.5).state(), 0x08);
     assert_eq!(bench.read(0x1001, 0) & 0xFF, 0x81);
 }
 
@@ -227,11 +221,9 @@ fn a_target_beyond_the_limits_is_a_fault() {
     bench.write(0x607D, 1, -100);
     bench.write(0x607D, 2, 100);
     bench.write(0x607A, 0, 100);
-    bench.run(0.1);
-    assert_eq!(bench.error_code(), 0);
+    assert_eq!(bench.run(0.1).error_code(), 0);
     bench.write(0x607A, 0, 101);
-    bench.run(0.1);
-    assert_eq!(bench.error_code(), 0x8A82);
+    assert_eq!(bench.run(0.1).error_code(), 0x8A82);
     assert!(bench.position() <= 101);
 }
 
@@ -239,11 +231,9 @@ fn a_target_beyond_the_limits_is_a_fault() {
 fn halt_holds_and_ignores_targets() {
     let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.writes([(0x6040, 0x010F), (0x607A, 200)]);
-    bench.run(0.2);
-    assert_eq!(bench.position(), 0);
+    assert_eq!(bench.run(0.2).position(), 0);
     bench.write(0x6040, 0, 0x000F);
-    bench.run(0.2);
-    assert!(bench.is_at(200));
+    assert!(bench.run(0.2).is_at(200));
 }
 
 #[test]
@@ -251,10 +241,8 @@ fn interpolation_expects_set_points_in_time() {
     let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.write(0x60C2, 1, 10);
     bench.write(0x607A, 0, 1);
-    bench.run(0.019);
-    assert_eq!(bench.error_code(), 0);
-    bench.run(0.003);
-    assert_eq!(bench.error_code(), 0x8250);
+    assert_eq!(bench.run(0.019).error_code(), 0);
+    assert_eq!(bench.run(0.003).error_code(), 0x8250);
 }
 
 #[test]
@@ -265,8 +253,7 @@ fn the_handshake_moves_the_motor() {
     assert!(statusword & 0x1000 != 0 && statusword & 0x0400 == 0);
     bench.write(0x6040, 0, 0x0F);
     assert_eq!(bench.statusword() & 0x1000, 0);
-    bench.run(2.0);
-    assert!(bench.is_at(1500));
+    assert!(bench.run(2.0).is_at(1500));
     assert!(bench.statusword() & 0x0400 != 0);
     assert_eq!(bench.host_bugs(), []);
 }
@@ -276,8 +263,7 @@ fn a_target_without_a_new_edge_is_ignored() {
     let mut bench = DriveUnderTest::enabled(Mode::ProfilePosition);
     bench.writes([(0x607A, 100), (0x6040, 0x3F), (0x607A, 900), (0x6040, 0x3F)]);
     assert_eq!(bench.host_bugs(), [EventKind::HostBug(HostBug::SetpointIgnored)]);
-    bench.run(2.0);
-    assert!(bench.is_at(100));
+    assert!(bench.run(2.0).is_at(100));
 }
 
 #[test]
@@ -286,11 +272,9 @@ fn targets_queue_or_replace_as_commanded() {
     for (target, controlword) in [(20_000, 0x1F), (100, 0x1F)] {
         bench.writes([(0x607A, target), (0x6040, controlword), (0x6040, 0x0F)]);
     }
-    bench.run(1.0);
-    assert!(bench.position() > 5_000, "the second waits for the first");
+    assert!(bench.run(1.0).position() > 5_000, "the second waits for the first");
     bench.writes([(0x607A, -50), (0x6040, 0x3F), (0x6040, 0x0F)]);
-    bench.run(5.0);
-    assert!(bench.is_at(-50), "immediately: both are dropped");
+    assert!(bench.run(5.0).is_at(-50), "immediately: both are dropped");
 }
 
 #[test]
@@ -299,22 +283,18 @@ fn relative_targets_start_from_here_and_halt_interrupts() {
     bench.writes([(0x607A, 3000), (0x6040, 0x7F)]);
     bench.run(0.05);
     bench.write(0x6040, 0, 0x010F);
-    bench.run(1.0);
-    let stopped = bench.position();
+    let stopped = bench.run(1.0).position();
     assert!(stopped > 10 && stopped < 2500, "{stopped}");
     bench.write(0x6040, 0, 0x000F);
-    bench.run(1.0);
-    assert!(bench.is_at(3000));
+    assert!(bench.run(1.0).is_at(3000));
 }
 
 #[test]
 fn wrong_crc_and_unknown_opcode_give_an_error_reply() {
     let mut bench = DriveUnderTest::fresh();
     let wrong_crc = bench.drive.reply_at_port(&Incoming::WrongCrc, None).unwrap();
-    assert_eq!(
-        reply(&wrong_crc.data),
-        [0x90, 0x02, 0x00, 0x02, 0x04, 0x00, 0x04, 0x05, 0xF1, 0xE8]
-    );
+    let frame = [0x90, 0x02, 0x00, 0x02, 0x04, 0x00, 0x04, 0x05, 0xF1, 0xE8];
+    assert_eq!(reply(&wrong_crc.data), frame);
     assert_eq!(bench.error(0x20, &[0; 12]), 0x0F00_FFBF);
     assert_eq!(bench.error(0x10, &[0x41, 0x60, 0, 1]), 0x0F00_FFBF, "an opcode of the EPOS2");
     let events = bench.drive.take_events();
@@ -339,8 +319,7 @@ fn each_wrong_access_has_its_own_abort_code() {
 #[test]
 fn the_error_reply_to_a_read_has_the_configured_length() {
     for words in [2, 4] {
-        let mut bench =
-            DriveUnderTest::new(DriveConfig { error_reply_words: words, ..DriveConfig::default() });
+        let mut bench = DriveUnderTest::with(|config| config.error_reply_words = words);
         assert_eq!(bench.request(0x60, &[1, 0, 0x50, 0]).len(), 2 * usize::from(words));
     }
 }
@@ -351,8 +330,7 @@ fn the_unused_bytes_of_short_values_are_garbage() {
     let value = bench.read(0x6041, 0);
     assert_eq!(value & 0xFFFF, 0x0040);
     assert_ne!(value >> 16, 0, "a host has to mask the value");
-    let mut clean =
-        DriveUnderTest::new(DriveConfig { fill_unused_bytes: false, ..DriveConfig::default() });
+    let mut clean = DriveUnderTest::with(|config| config.fill_unused_bytes = false);
     assert_eq!(clean.read(0x6041, 0), 0x0040);
 }
 
@@ -369,11 +347,8 @@ fn other_nodes_time_out_late() {
 
 #[test]
 fn identity_is_read_in_segments() {
-    let mut bench = DriveUnderTest::new(DriveConfig {
-        serial_number: 77,
-        segment_bytes: 3,
-        ..DriveConfig::default()
-    });
+    let mut bench =
+        DriveUnderTest::with(|config| (config.serial_number, config.segment_bytes) = (77, 3));
     assert_eq!(bench.read(0x1018, 1), 0xFB);
     assert_eq!(bench.read(0x1018, 4), 77);
     let first = bench.request(0x81, &[1, 0x00, 0x21, 1]);
@@ -406,8 +381,7 @@ fn storing_needs_its_signature_and_survives_a_reset() {
     bench.write(0x1010, 1, 0x6576_6173);
     bench.write(0x6065, 0, 123);
     bench.drive.power_cycle();
-    bench.run(0.5);
-    assert_eq!(bench.read(0x2005, 0) & 0xFFFF, 60);
+    assert_eq!(bench.run(0.5).read(0x2005, 0) & 0xFFFF, 60);
     assert_eq!(bench.read(0x6065, 0), 2000);
     assert_eq!(bench.drive.frame_timeout(), Nanos::from_millis(60));
 }

@@ -1,7 +1,6 @@
 //! Configuration of an emulator, and the snake to emulate, as named on a command line.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use i2ris::config::{self, AxisConfig, PortConfig};
 
@@ -16,8 +15,7 @@ use crate::physics::{DrawnSnake, ParseDrawnSnakeError, Physics, Snake};
 pub const DEFAULT_FOLDER: &str = "/tmp/i2ris-emulator";
 
 /// Round trip over CAN of a request to another node, microseconds.
-pub const GATEWAY_US: u64 = 600;
-
+const GATEWAY_US: u64 = 600;
 /// Node id of a drive that is only addressed at its own port: the highest of CANopen.
 const OWN_NODE: u8 = 127;
 
@@ -35,8 +33,7 @@ pub enum Line {
 }
 
 impl Line {
-    /// The ports of a controller on this line, of axes in the order of the motors. An axis without
-    /// a drive is left out.
+    /// The ports of a controller on this line, for axes by motor; one without a drive is left out.
     pub fn ports(
         self,
         axes: Vec<AxisConfig>,
@@ -66,8 +63,7 @@ pub struct EmulatorConfig {
     /// Determines everything random.
     pub seed: u64,
     pub line: LineConfig,
-    /// One port only: the first drive forwards requests to the others over CAN, with this
-    /// round-trip time in microseconds. Absent: a port for every drive.
+    /// Round trip over CAN, microseconds, from one port to all drives. Absent: a port for each.
     pub gateway_us: Option<u64>,
     /// The drives of each port for other layouts, the one with the port first.
     pub layout: Option<Vec<Vec<usize>>>,
@@ -79,8 +75,7 @@ pub struct EmulatorConfig {
     pub camera: CameraConfig,
     /// A file for the log, CSV.
     pub log: Option<PathBuf>,
-    /// SCHED_FIFO priority of the threads, where it is permitted: devices do not wait for a busy
-    /// computer. 0: normal scheduling.
+    /// SCHED_FIFO priority of the threads, where permitted: devices do not wait. 0: normal.
     pub priority: u8,
 }
 
@@ -158,8 +153,7 @@ impl EmulatorConfig {
         }
     }
 
-    /// One port with three drives, nodes 1 to 3; the last turns the auxiliary axis, with the next
-    /// serial number.
+    /// One port with three drives, nodes 1 to 3; the last turns the auxiliary axis.
     pub fn add_auxiliary(&mut self, gateway_us: u64) {
         self.gateway_us = Some(gateway_us);
         self.drives[1].node_id = 2;
@@ -190,19 +184,14 @@ pub enum SnakeSourceError {
     #[error(transparent)]
     File(#[from] SnakeConfigError),
     #[error(
-        "`{0}` is not a snake: use {embedded}, {drawn}, or a file such as {example}",
+        "`{0}` is not a snake: use {embedded}, {drawn}:SEED, or a file such as {example}",
         embedded = EMBEDDED.map(|(name, _)| name).join(", "),
-        drawn = drawn_names(),
+        drawn = Physics::NAMES.join(":SEED, "),
         example = "config/snakes/steel.toml"
     )]
     Name(String),
     #[error(transparent)]
     Drawn(ParseDrawnSnakeError),
-}
-
-fn drawn_names() -> String {
-    let names = Physics::NAMES.iter().map(|name| format!("{name}:SEED"));
-    names.collect::<Vec<_>>().join(", ")
 }
 
 impl SnakeSource {
@@ -237,7 +226,7 @@ impl SnakeSource {
             let path = format!("{name}.toml");
             return Ok(SnakeConfig::parse(content, Path::new(&path))?.into());
         }
-        match DrawnSnake::from_str(text) {
+        match text.parse::<DrawnSnake>() {
             Ok(drawn) => Ok(drawn.into()),
             Err(ParseDrawnSnakeError::Physics(_)) => Err(SnakeSourceError::Name(text.to_owned())),
             Err(wrong) => Err(SnakeSourceError::Drawn(wrong)),

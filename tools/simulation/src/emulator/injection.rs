@@ -1,13 +1,11 @@
 //! Faults that can be injected into drives, lines and wires; damage to the bytes of one exchange.
 
-use i2ris::units::Nanos;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 use strum::{IntoStaticStr, VariantNames};
 
-/// A fault of an axis, its line or its wire. Offsets count from the first byte of a frame, in
-/// bytes or bits, and wrap at its end.
+/// A fault of an axis, its line or its wire. Offsets, bytes or bits, wrap at the end of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, IntoStaticStr, VariantNames)]
 #[serde(tag = "kind", rename_all = "kebab-case", rename_all_fields = "snake_case")]
 #[serde(deny_unknown_fields)]
@@ -106,31 +104,12 @@ impl Injection {
     pub fn name(&self) -> &'static str {
         self.into()
     }
-}
 
-/// An injection and its axis: a line of the control socket.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct AxisInjection {
-    /// Axis number.
-    #[serde(default)]
-    pub axis: usize,
-    #[serde(flatten)]
-    pub injection: Injection,
-}
-
-/// The first byte of a frame, which is doubled inside.
-const DLE: u8 = 0x90;
-
-/// The injected fault of one exchange, or none.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct ExchangeFault(pub(crate) Option<Injection>);
-
-impl ExchangeFault {
     /// Damages a request or a reply on the line.
     pub(crate) fn damage(self, bytes: &mut Vec<u8>, is_reply: bool) {
         use Injection::*;
-        let Some(injection) = self.0.filter(|_| !bytes.is_empty()) else { return };
-        match (injection, is_reply) {
+        match (self, is_reply) {
+            _ if bytes.is_empty() => {}
             (LoseRequest, false) | (LoseReply, true) => bytes.clear(),
             (DropRequest { offset }, false) | (DropReply { offset }, true) => {
                 bytes.remove(offset % bytes.len());
@@ -150,30 +129,22 @@ impl ExchangeFault {
             _ => {}
         }
     }
-
-    pub(crate) fn delay(self) -> Nanos {
-        match self.0 {
-            Some(Injection::LateReply { delay_ms }) => Nanos::from_millis(delay_ms),
-            _ => Nanos::ZERO,
-        }
-    }
-
-    /// The data of the reply: `data`, or an error of an invalid length.
-    pub(crate) fn reply_data(self, data: Vec<u8>) -> Vec<u8> {
-        match self.0 {
-            Some(Injection::WrongLength) => vec![0x22, 0, 0, 8, 0, 0],
-            _ => data,
-        }
-    }
-
-    /// Data of an unsolicited reply that is sent first.
-    pub(crate) fn stray_reply(self) -> Option<Vec<u8>> {
-        matches!(self.0, Some(Injection::StrayReply)).then(|| vec![0, 0, 0, 0, 9, 9, 0, 0])
-    }
 }
 
-/// Truncates a frame after the first half of a doubled byte, or with a single DLE instead of its
-/// last two bytes.
+/// An injection and its axis: a line of the control socket.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct AxisInjection {
+    /// Axis number.
+    #[serde(default)]
+    pub axis: usize,
+    #[serde(flatten)]
+    pub injection: Injection,
+}
+
+/// The first byte of a frame, which is doubled inside.
+const DLE: u8 = 0x90;
+
+/// Truncates after the first half of a doubled byte, or with a DLE instead of the last two bytes.
 fn truncate_in_pair(bytes: &mut Vec<u8>) {
     match bytes.windows(2).skip(2).position(|pair| pair == [DLE, DLE]) {
         Some(index) => bytes.truncate(index + 3),
@@ -217,7 +188,7 @@ mod tests {
             (Injection::CutReplyInPair, &[0x90, 2, 0, 2, 7, 8], &[0x90, 2, 0, 2, 0x90]),
         ] {
             let mut reply = bytes.to_vec();
-            ExchangeFault(Some(injection)).damage(&mut reply, true);
+            injection.damage(&mut reply, true);
             assert_eq!(reply, expected, "{injection:?}");
         }
     }

@@ -5,10 +5,11 @@ use std::fmt;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 use i2ris::units::Nanos;
 
+use super::shared::lock;
 pub use crate::drive::event::{EventKind, HostBug, LineTrouble};
 
 /// Maximum number of events in memory: half an hour of two axes at full rate.
@@ -31,9 +32,7 @@ impl fmt::Display for Event {
 }
 
 #[derive(Debug, Default)]
-pub struct Log {
-    inner: Mutex<Inner>,
-}
+pub struct Log(Mutex<Inner>);
 
 #[derive(Debug, Default)]
 struct Inner {
@@ -65,13 +64,11 @@ impl Log {
             Ok(file)
         };
         let file = start().map_err(|source| LogError { path: path.to_owned(), source })?;
-        Ok(Self {
-            inner: Mutex::new(Inner { to_file: true, file: Some(file), ..Inner::default() }),
-        })
+        Ok(Self(Mutex::new(Inner { to_file: true, file: Some(file), ..Inner::default() })))
     }
 
     pub fn push(&self, event: Event) {
-        let mut inner = self.lock();
+        let mut inner = lock(&self.0);
         if inner.events.len() == MAX_EVENTS {
             inner.events.pop_front();
         }
@@ -84,31 +81,27 @@ impl Log {
 
     /// All events in memory, oldest first.
     pub fn events(&self) -> Vec<Event> {
-        self.lock().events.iter().copied().collect()
+        lock(&self.0).events.iter().copied().collect()
     }
 
     /// How often a host broke a rule.
     pub fn host_bugs(&self) -> u64 {
-        self.lock().host_bugs
+        lock(&self.0).host_bugs
     }
 
     /// Writes the pending events to the file. Call it from a thread that may wait for a disk.
     pub fn flush(&self) -> io::Result<()> {
         let (pending, file) = {
-            let mut inner = self.lock();
+            let mut inner = lock(&self.0);
             (std::mem::take(&mut inner.pending), inner.file.take())
         };
         let Some(mut file) = file else { return Ok(()) };
         let write = |event: &Event| writeln!(file, "{event}");
         let written = pending.iter().try_for_each(write).and_then(|()| file.flush());
-        let mut inner = self.lock();
+        let mut inner = lock(&self.0);
         inner.to_file = written.is_ok();
         inner.file = written.is_ok().then_some(file);
         written
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Inner> {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -1,5 +1,4 @@
-//! Two emulated drives on pseudo-terminals with a snake: the threads, and the handle for tests and
-//! the command line.
+//! Emulated drives on pseudo-terminals with a snake: the threads, and the handle.
 //!
 //! | file | content |
 //! |---|---|
@@ -42,14 +41,12 @@ use log::{Event, Log, LogError};
 use plant::Plant;
 use port::{FolderError, Port, PortFolder};
 use scenario::Scenario;
-use shared::Shared;
+use shared::{Shared, lock};
 
 /// How often the plant advances when no request advances it.
 const PLANT_PERIOD: Nanos = Nanos::from_millis(2);
-
 /// How often the log is written to its file.
 const LOG_PERIOD: Nanos = Nanos::from_millis(50);
-
 /// Maximum sleep of the camera thread.
 const CAMERA_PERIOD: Nanos = Nanos::from_millis(50);
 
@@ -138,8 +135,7 @@ impl Emulator {
         Ok(emulator)
     }
 
-    /// Starts the camera. `connect` runs in the camera's thread and returns the receiver of the
-    /// frames.
+    /// Starts the camera. `connect` runs in its thread and returns the receiver of the frames.
     pub fn start_camera<S>(
         &mut self,
         connect: impl FnOnce() -> S + Send + 'static,
@@ -155,7 +151,8 @@ impl Emulator {
             let mut receiver = connect();
             while !shared.is_stopping() {
                 let now = clock::now();
-                for fault in shared.take_camera_faults() {
+                let faults = std::mem::take(&mut *lock(&shared.camera));
+                for fault in faults {
                     match fault {
                         Some(fault) => camera.begin_fault(&fault, now),
                         None => camera.clear_faults(),
@@ -173,8 +170,7 @@ impl Emulator {
         })
     }
 
-    /// Starts the camera and publishes its frames to the controller of a domain. The controller may
-    /// start later, stop and start again.
+    /// Starts the camera and publishes its frames to the controller of a domain, whenever it runs.
     pub fn publish_camera(&mut self, domain: &Domain) -> Result<(), EmulatorError> {
         let mut publisher = ExternalPublisher::new(domain);
         self.start_camera(move || {
@@ -187,8 +183,7 @@ impl Emulator {
         })
     }
 
-    /// Starts a change of the snake, after its own `start_s`. It has been checked
-    /// ([`Change::check`]).
+    /// Starts a change of the snake, checked by [`Change::check`], after its own `start_s`.
     pub fn begin_ageing(&self, change: Change) {
         self.shared.begin_ageing(change);
     }
@@ -198,12 +193,7 @@ impl Emulator {
         self.shared.inject(axis, injection);
     }
 
-    /// The device file of an axis: a link with a stable name. With a gateway both axes have the
-    /// same.
-    ///
-    /// # Panics
-    ///
-    /// The axis is not 0 or 1.
+    /// The device file of axis 0 or 1: a link with a stable name; with a gateway the same for both.
     pub fn device(&self, axis: usize) -> &Path {
         &self.devices[self.shared.port_of(axis)]
     }
@@ -217,7 +207,7 @@ impl Emulator {
             replies: self.shared.line(axis).replies.load(Ordering::Relaxed),
         };
         Snapshot {
-            stamp: plant.time(),
+            stamp: plant.time,
             angles_deg: plant.snake.angles_deg(),
             axes: [axis(0), axis(1)],
             auxiliary: plant.drives.get(2).map(Drive::snapshot),
@@ -239,8 +229,7 @@ impl Emulator {
         self.shared.line(axis).muted.store(mute, Ordering::Relaxed);
     }
 
-    /// Cuts a drive off from its line, or connects it again. The drive keeps running, but a gateway
-    /// gets no answer from it.
+    /// Cuts a drive off from its line, or connects it again. It keeps running, without answers.
     pub fn silence(&self, axis: usize, silent: bool) {
         self.disturb(axis, |drive| drive.set_silent(silent));
     }
@@ -274,8 +263,7 @@ impl Emulator {
         let builder = thread::Builder::new().name(format!("emulator-{name}"));
         self.threads.push(builder.spawn(move || {
             let _ = request(scheduling);
-            // Timers of normal threads are late by 50 microseconds by default. A refusal is
-            // harmless.
+            // Timers of normal threads are late by 50 us by default. A refusal is harmless.
             let _ = prctl::set_timerslack(1);
             work(shared);
         })?);
@@ -285,7 +273,7 @@ impl Emulator {
 
 impl Drop for Emulator {
     fn drop(&mut self) {
-        self.shared.stop();
+        self.shared.stop.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
             let _ = thread.join();
         }

@@ -13,7 +13,6 @@ use crate::physics::Snake;
 
 /// Time step of the plant: a tenth of the time constant of a position loop.
 const STEP: Nanos = Nanos::from_micros(500);
-
 /// After a longer stall (a suspended machine) the missed time is skipped.
 const MAX_CATCH_UP: Nanos = Nanos::from_millis(2000);
 
@@ -24,10 +23,10 @@ pub(crate) struct Plant {
     pub(crate) snake: Snake,
     /// The wires between motors and snake.
     pub(crate) wires: [Wire; 2],
-    /// The first drive of each port forwards requests to the others over CAN, with this round-trip
-    /// time.
+    /// The first drive of a port forwards requests to the others over CAN, in this round trip.
     gateways: (Vec<Vec<usize>>, Nanos),
-    time: Nanos,
+    /// The instant of the present state.
+    pub(crate) time: Nanos,
     log: Arc<Log>,
 }
 
@@ -46,11 +45,6 @@ impl Plant {
         };
         plant.record(now);
         plant
-    }
-
-    /// The instant of the present state.
-    pub(crate) fn time(&self) -> Nanos {
-        self.time
     }
 
     /// Advances to `now`. Does nothing if `now` has passed: two threads may come in either order.
@@ -72,7 +66,7 @@ impl Plant {
             let load = self.snake.load();
             for ((drive, wire), load) in self.drives.iter_mut().zip(&self.wires).zip(load) {
                 let is_pulled = !matches!(wire, Wire::Broken(_));
-                drive.set_load(if is_pulled { load } else { 0.0 });
+                drive.motor.load = if is_pulled { load } else { 0.0 };
             }
             self.record(self.time);
         }
@@ -141,8 +135,7 @@ pub(crate) enum Wire {
 impl Wire {
     /// Adds play at the present position.
     pub(crate) fn slacken(&mut self, motor: f64, counts: f64) {
-        let position = self.position(motor);
-        *self = Self::Slack { counts, position };
+        *self = Self::Slack { counts, position: self.position(motor) };
     }
 
     /// Breaks it at the present position.

@@ -1,5 +1,4 @@
-//! Injected faults and their times, from scenario files; faults while it runs, by the control
-//! socket.
+//! Injected faults: with their times from scenario files, at once by the control socket.
 //!
 //! ```toml
 //! seed = 7
@@ -40,8 +39,8 @@ use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 
 use super::injection::{AxisInjection, Injection};
-use super::shared::Shared;
-use crate::ageing::{Change, ChangeError};
+use super::shared::{Shared, lock};
+use crate::ageing::Change;
 use crate::camera::TimedCameraFault;
 
 /// An injection at a fixed time.
@@ -157,8 +156,7 @@ fn parse_line(line: &str) -> Result<SocketCommand, ScenarioError> {
 }
 
 fn check_change(change: &Change) -> Result<(), ScenarioError> {
-    let refused = |error: ChangeError| ScenarioError::Value(error.to_string());
-    change.check().map_err(refused)
+    change.check().map_err(|error| ScenarioError::Value(error.to_string()))
 }
 
 fn check_axis(axis: usize) -> Result<(), ScenarioError> {
@@ -217,7 +215,6 @@ pub(crate) const SOCKET: &str = "control";
 
 /// Poll period for connections and for the end.
 const SOCKET_POLL: Nanos = Nanos::from_millis(20);
-
 /// Maximum wait for a line before the end is polled.
 const READ_TIMEOUT: Duration = Duration::from_millis(50);
 
@@ -270,8 +267,8 @@ fn execute(line: &str, shared: &Shared) -> String {
     match parse_line(line) {
         Ok(SocketCommand::Inject(line)) => shared.inject(line.axis, line.injection),
         Ok(SocketCommand::Age(change)) => shared.begin_ageing(change),
-        Ok(SocketCommand::Camera(fault)) => shared.notify_camera(Some(fault)),
-        Ok(SocketCommand::CameraGood) => shared.notify_camera(None),
+        Ok(SocketCommand::Camera(fault)) => lock(&shared.camera).push(Some(fault)),
+        Ok(SocketCommand::CameraGood) => lock(&shared.camera).push(None),
         Err(error) => return format!("error: {}", error.to_string().replace('\n', " ")),
     }
     "ok".to_owned()
@@ -325,8 +322,7 @@ mod tests {
     #[test]
     fn a_line_of_the_socket_is_one_table() {
         let line = parse_line("{axis = 1, kind = \"fault\", code = 0x2310}").unwrap();
-        let injection = Injection::Fault { code: 0x2310 };
-        let expected = AxisInjection { axis: 1, injection };
+        let expected = AxisInjection { axis: 1, injection: Injection::Fault { code: 0x2310 } };
         assert_eq!(line, SocketCommand::Inject(expected));
         assert!(parse_line("reset").is_err());
     }
@@ -339,8 +335,7 @@ mod tests {
         let line = "camera = {fault = \"late-stamps\", ms = 20, for_s = 3}";
         let SocketCommand::Camera(timed) = parse_line(line).unwrap() else { panic!("{line}") };
         assert_eq!(timed.fault, CameraFault::LateStamps { ms: 20.0 });
-        let good = parse_line("camera = \"good\"").unwrap();
-        assert_eq!(good, SocketCommand::CameraGood);
+        assert_eq!(parse_line("camera = \"good\"").unwrap(), SocketCommand::CameraGood);
         for (line, words) in [
             ("ageing = {parameter = \"gap\", by = -2, course = \"step\"}", "above -1"),
             ("camera = {fault = \"outliers\", share = 2, size_deg = 1}", "share"),

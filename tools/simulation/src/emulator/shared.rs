@@ -18,7 +18,7 @@ use crate::drive::{Drive, Fault};
 pub(crate) struct Shared {
     plant: Mutex<Plant>,
     pub(crate) log: Arc<Log>,
-    stop: AtomicBool,
+    pub(crate) stop: AtomicBool,
     /// One for each port.
     lines: Vec<Line>,
     /// The axes of each port.
@@ -26,7 +26,7 @@ pub(crate) struct Shared {
     /// Times at which the encoders of these axes resume counting.
     frozen: Mutex<Vec<(Nanos, usize)>>,
     /// For the camera's thread: faults to begin; `None`: all of them end.
-    camera: Mutex<Vec<Option<TimedCameraFault>>>,
+    pub(crate) camera: Mutex<Vec<Option<TimedCameraFault>>>,
 }
 
 /// Counters and pending faults of one line.
@@ -100,36 +100,20 @@ impl Shared {
         plant.snake.begin_ageing(change);
     }
 
-    /// Begins a fault of the camera; `None` ends all of them.
-    pub(crate) fn notify_camera(&self, fault: Option<TimedCameraFault>) {
-        lock(&self.camera).push(fault);
-    }
-
-    /// Faults sent to the camera since the last call.
-    pub(crate) fn take_camera_faults(&self) -> Vec<Option<TimedCameraFault>> {
-        std::mem::take(&mut lock(&self.camera))
-    }
-
     /// Injects a fault into an axis, its line or its wire.
     pub(crate) fn inject(&self, axis: usize, injection: Injection) {
         let now = clock::now();
-        let event = EventKind::Injected(injection.name());
-        self.plant().log(axis, now, event);
+        self.plant().log(axis, now, EventKind::Injected(injection.name()));
         let pending = || lock(&self.line(axis).pending);
         let disturb = |change: &dyn Fn(&mut Drive)| self.plant().disturb(axis, now, change);
         match injection {
-            Injection::HangUp { for_ms } => {
-                pending().hang_up = Some(Nanos::from_millis(for_ms));
-            }
-            Injection::Mute { for_ms } => {
-                pending().muted_until = now + Nanos::from_millis(for_ms);
-            }
+            Injection::HangUp { for_ms } => pending().hang_up = Some(Nanos::from_millis(for_ms)),
+            Injection::Mute { for_ms } => pending().muted_until = now + Nanos::from_millis(for_ms),
             Injection::Reset => disturb(&Drive::power_cycle),
             Injection::Fault { code } => disturb(&|drive| drive.raise(Fault(code), false)),
             Injection::FreezeEncoder { for_ms } => {
                 disturb(&|drive| drive.freeze_encoder(true));
-                let until = now + Nanos::from_millis(for_ms);
-                lock(&self.frozen).push((until, axis));
+                lock(&self.frozen).push((now + Nanos::from_millis(for_ms), axis));
             }
             Injection::SlipEncoder { counts } => disturb(&|drive| drive.slip_encoder(counts)),
             Injection::SlackWire { counts } => self.change_wire(axis, now, |wire, motor| {
@@ -162,11 +146,7 @@ impl Shared {
     pub(crate) fn true_angles(&self, now: Nanos) -> (Nanos, [f64; 2]) {
         let mut plant = self.plant();
         plant.advance_to(now);
-        (plant.time(), plant.snake.angles_deg())
-    }
-
-    pub(crate) fn stop(&self) {
-        self.stop.store(true, Ordering::Relaxed);
+        (plant.time, plant.snake.angles_deg())
     }
 
     /// Whether the threads have to end.

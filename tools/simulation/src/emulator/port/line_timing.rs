@@ -1,8 +1,7 @@
 //! Timing of a serial line: when bytes arrive and when replies are complete.
 //!
-//! A pseudo-terminal delivers any number of bytes at once. Here they take as long as on a real
-//! line. All instants follow from the earlier ones and not from the wake-up time of a thread, so
-//! late wake-ups do not accumulate.
+//! A pseudo-terminal delivers any number of bytes at once. Here they take as long as on a line.
+//! Instants follow from earlier ones, not from wake-ups, so late wake-ups do not accumulate.
 //!
 //! With a USB adapter, a request and a reply each wait for a USB frame, and a reply before that for
 //! the latency timer: FTDI chips transfer 62 bytes at once, or all bytes when the timer expires.
@@ -16,8 +15,7 @@ use rand_pcg::Pcg64Mcg;
 pub struct LineConfig {
     /// Bits per second; ten bits a byte.
     pub baud: u32,
-    /// A host at another bit rate sends garbage, as on a real line. A pseudo-terminal ignores the
-    /// rate.
+    /// A host at a wrong bit rate sends garbage, as on a line. A pseudo-terminal ignores the rate.
     pub strict_baud: bool,
     /// Processing time of the drive, microseconds.
     pub processing_us: u64,
@@ -25,9 +23,8 @@ pub struct LineConfig {
     pub jitter_us: u64,
     /// The latency timer of the FTDI chip, milliseconds; 0: no chip.
     pub latency_timer_ms: u64,
-    /// Part of a late wake-up that is not counted as the host's time, microseconds: bytes that are
-    /// read this long after the line was free count as sent when it became free. A wake-up takes
-    /// about 70.
+    /// Part of a late wake-up that does not count as the host's time, microseconds: bytes read this
+    /// long after the line was free count as sent when it became free. A wake-up takes about 70.
     pub allowance_us: u64,
 }
 
@@ -45,8 +42,7 @@ impl Default for LineConfig {
 }
 
 impl LineConfig {
-    /// An EPOS2 on USB: an FTDI bridge at 1,000,000 baud, with its timer set to 1 ms. An exchange
-    /// takes 2 ms, as others have measured.
+    /// An EPOS2 on USB: an FTDI bridge, its timer set to 1 ms. An exchange takes 2 ms, as measured.
     pub fn usb() -> Self {
         Self { baud: 1_000_000, latency_timer_ms: 1, processing_us: 300, ..Self::default() }
     }
@@ -54,9 +50,7 @@ impl LineConfig {
 
 /// Packet size of an FTDI bridge.
 const PACKET: usize = 62;
-
-/// Maximum wait for USB of a request, one frame, and of a reply, which the host polls for more
-/// often; microseconds. The position in a frame is random.
+/// Maximum, random wait for USB, microseconds: a frame; for replies the host polls more often.
 const REQUEST_WAIT_US: u64 = 1000;
 const REPLY_WAIT_US: u64 = 500;
 
@@ -102,8 +96,7 @@ impl LineTiming {
         }
     }
 
-    /// When the reply to a frame that arrived at `arrived` is ready. `delay`: what the drive needs
-    /// beyond its processing time.
+    /// When the reply to a frame is ready. `delay`: in addition to the processing time.
     pub(crate) fn process(&mut self, arrived: Nanos, delay: Nanos) -> Nanos {
         let processing = Nanos::from_micros(self.config.processing_us);
         arrived + processing + self.up_to(self.config.jitter_us) + delay
@@ -135,8 +128,7 @@ impl LineTiming {
         end
     }
 
-    /// When the host gets a reply of `bytes` whose last one arrived at `end`. The transfer waits
-    /// `wait` for a USB frame.
+    /// When the host gets a reply whose last byte arrived at `end`; `wait`: for a USB frame.
     fn deliver(&mut self, end: Nanos, bytes: usize, wait: Nanos) -> Nanos {
         if self.timer == Nanos::ZERO {
             return end;

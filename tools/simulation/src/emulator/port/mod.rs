@@ -20,17 +20,15 @@ pub use line_timing::LineConfig;
 pub use pty::FolderError;
 pub(crate) use pty::PortFolder;
 
-use crate::drive::Reply;
 use crate::drive::event::{EventKind, HostBug, LineTrouble};
 use crate::drive::frame::{self, Incoming, Parser};
-use crate::emulator::injection::ExchangeFault;
+use crate::emulator::injection::Injection;
 use crate::emulator::shared::{Line, Shared};
 pub(crate) use line_timing::LineTiming;
 use pty::{Pty, redirect};
 
 /// Maximum sleep before the thread checks for the end.
 const POLL: Nanos = Nanos::from_millis(20);
-
 /// A thread that slept longer than this was delayed by the machine.
 const STALL: Nanos = Nanos::from_millis(30);
 
@@ -41,7 +39,8 @@ pub(crate) struct Port {
     config: LineConfig,
     timing: LineTiming,
     parser: Parser,
-    fault: ExchangeFault,
+    /// The injected fault of the present exchange.
+    fault: Option<Injection>,
     /// The link with a stable name to the device.
     pub(super) link: PathBuf,
     /// Arrival of the last byte.
@@ -64,7 +63,7 @@ impl Port {
             config: config.clone(),
             timing: LineTiming::new(config, seed),
             parser: Parser::default(),
-            fault: ExchangeFault::default(),
+            fault: None,
             link: PathBuf::new(),
             last_byte: Nanos::ZERO,
             early_byte_logged: false,
@@ -123,13 +122,12 @@ impl Port {
         self.early_byte_logged = false;
     }
 
-    /// Takes bytes that were read at `read`. After a stall of the machine, the host may have had to
-    /// repeat them.
+    /// Takes bytes that were read at `read`. After a stall the host may have had to repeat them.
     fn receive(&mut self, mut bytes: Vec<u8>, read: Nanos, stalled: bool) {
         self.drop_stale_frame(read);
         self.timing.wait_for_frame(read);
         if !self.parser.is_partial() {
-            self.fault = ExchangeFault(self.line().take_exchange_fault());
+            self.fault = self.line().take_exchange_fault();
         }
         if self.config.strict_baud && !self.pty.has_baud_rate(self.config.baud) {
             // Every bit is sampled at the wrong time.
@@ -137,7 +135,9 @@ impl Port {
                 *byte = byte.wrapping_mul(73).rotate_left(3) | 1;
             }
         }
-        self.fault.damage(&mut bytes, false);
+        if let Some(fault) = self.fault {
+            fault.damage(&mut bytes, false);
+        }
         self.receive_frame(&bytes, read, stalled);
     }
 
@@ -157,42 +157,33 @@ impl Port {
         }
     }
 
-    /// Executes a request. Returns the reply and when it is ready, if the host gets one.
-    fn execute(&mut self, incoming: &Incoming, arrived: Nanos) -> Option<(Reply, Nanos)> {
-        let reply = self.shared.plant().reply(self.axis, incoming, arrived);
-        self.line().requests.fetch_add(1, Ordering::Relaxed);
-        let mut reply = reply.filter(|_| !self.line().is_muted(clock::now()))?;
-        reply.data = self.fault.reply_data(reply.data);
-        let ready = self.timing.process(arrived, reply.delay);
-        Some((reply, ready))
-    }
-
     /// Executes one request. Bytes are ignored until the reply is complete.
     fn exchange(&mut self, incoming: &Incoming, arrived: Nanos) {
         self.watch_for_early_bytes(arrived);
-        let Some((answer, ready)) = self.execute(incoming, arrived) else {
+        let reply = self.shared.plant().reply(self.axis, incoming, arrived);
+        self.line().requests.fetch_add(1, Ordering::Relaxed);
+        let Some(reply) = reply.filter(|_| !self.line().is_muted(clock::now())) else {
             return;
         };
-        let mut reply = frame::reply(&answer.data);
-        self.fault.damage(&mut reply, true);
-        if let Some(stray) = self.fault.stray_reply() {
-            reply.splice(0..0, frame::reply(&stray));
+        let mut start = self.timing.process(arrived, reply.delay);
+        let is_wrong = self.fault == Some(Injection::WrongLength);
+        let mut bytes = frame::reply(if is_wrong { &[0x22, 0, 0, 8, 0, 0] } else { &reply.data });
+        if let Some(fault) = self.fault {
+            fault.damage(&mut bytes, true);
         }
-        let delay = self.fault.delay();
-        if delay > Nanos::ZERO {
+        if self.fault == Some(Injection::StrayReply) {
+            bytes.splice(0..0, frame::reply(&[0, 0, 0, 0, 9, 9, 0, 0]));
+        }
+        if let Some(Injection::LateReply { delay_ms: delay_ms @ 1.. }) = self.fault {
             // The timeout of the host may expire.
             self.early_byte_logged = true;
+            start = start + Nanos::from_millis(delay_ms);
         }
-        self.send(reply, ready + delay);
-        self.line().replies.fetch_add(1, Ordering::Relaxed);
-    }
-
-    /// Sends bytes, starting at `start`, and delivers them when the last has arrived.
-    fn send(&mut self, bytes: Vec<u8>, start: Nanos) {
         let due = self.timing.reply(start, bytes.len());
         self.watch_for_early_bytes(due);
         self.pty.write(&bytes);
         self.timing.hand_over(due, clock::now());
+        self.line().replies.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Waits, and detects a host that sends before it has its reply. Its bytes are lost.
@@ -203,8 +194,7 @@ impl Port {
                 return;
             }
             if self.pty.wait((until - now).min(POLL)) {
-                // If this thread was delayed, the reply is late and the timeout of the host may
-                // have expired.
+                // If this thread was delayed, the timeout of the host may have expired.
                 if clock::now() >= until {
                     return;
                 }

@@ -1,5 +1,4 @@
-//! A pseudo-terminal in raw mode as a serial port, and the folder with a link of stable name to every
-//! port.
+//! A pseudo-terminal in raw mode as a serial port; the folder with a link to each.
 
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io;
@@ -50,8 +49,7 @@ impl Pty {
         self.master = None;
     }
 
-    /// Waits for bytes from the host, at most for `span`. Returns at once when no host has the port
-    /// open any more.
+    /// Waits for bytes from the host, at most for `span`. Returns at once when no host is left.
     pub(super) fn wait(&self, span: Nanos) -> bool {
         self.poll(span).contains(PollFlags::POLLIN)
     }
@@ -98,8 +96,7 @@ impl Pty {
         let Some(master) = &self.master else {
             return false;
         };
-        // SAFETY: an all-zero `termios2` is a valid one, the pointer is to it, and the descriptor
-        // is open.
+        // SAFETY: an all-zero `termios2` is valid, the pointer is to it, the descriptor is open.
         let speed = unsafe {
             let mut settings: libc::termios2 = std::mem::zeroed();
             (libc::ioctl(master.as_raw_fd(), libc::TCGETS2, &mut settings) == 0)
