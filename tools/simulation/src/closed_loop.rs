@@ -1,8 +1,7 @@
 //! The controller's control cycle with simulated motors, in simulated time.
 //!
 //! Inverse, memory, filters, limits and rounding are those of the controller, as configured. The
-//! caller selects what the drives move: [`IdealMotors`], [`PlacedMotors`], or a [`Robot`] with a
-//! snake, to which every tick carries setpoints and positions; or whole [`lines`](crate::lines)
+//! caller selects the motors: [`IdealMotors`], a [`Robot`] with a snake, or [`lines`](crate::lines)
 //! with emulated drives, and the port threads of the controller.
 
 use std::sync::Arc;
@@ -23,7 +22,6 @@ use crate::robot::Robot;
 
 /// Client id of all commands.
 const CLIENT: u64 = 1;
-
 /// Homing and conditioning take about ten thousand ticks.
 const MAX_COMMAND_TICKS: u32 = 200_000;
 
@@ -48,8 +46,7 @@ pub trait Motors {
         Nanos::from_millis(1000)
     }
 
-    /// Reports of real drives at the start of a tick, in the order of the axes. `None`: they are at
-    /// [`Self::read`] and execute requests at once.
+    /// Reports of real drives, by axis. `None`: they are at [`Self::read`] and execute at once.
     fn feedback(&mut self, _now: Nanos) -> Option<[AxisFeedback; MAX_AXES]> {
         None
     }
@@ -69,16 +66,6 @@ impl Motors for IdealMotors {
         for (position, target) in self.0.iter_mut().zip(targets) {
             *position = target.map_or(*position, Counts::as_f64);
         }
-        self.0
-    }
-}
-
-/// Motors at positions given by the caller, counts.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct PlacedMotors(pub MotorVec);
-
-impl Motors for PlacedMotors {
-    fn read(&mut self, _targets: [Option<Counts>; MAX_MOTORS]) -> MotorVec {
         self.0
     }
 }
@@ -171,8 +158,7 @@ impl<M: Motors> ClosedLoop<M> {
         self.camera = Some(Camera::new(camera, seed, self.now));
     }
 
-    /// A copy that continues from here, without a camera, from the recorded state of the cycle.
-    /// `None` if that state cannot be recorded or restored.
+    /// A copy that continues from here, without a camera. `None` if the state cannot be recorded.
     pub fn branch(&self, config: &Config, model: &Arc<Model>) -> Option<Self>
     where
         M: Clone,
@@ -204,16 +190,13 @@ impl<M: Motors> ClosedLoop<M> {
                 update_drive(&mut self.auxiliary, request, encoder, [self.now; 2]);
             }
         }
-        let Inputs { servo, request, external, missed } = inputs;
-        let external = external.or(frame);
-        let (feedback, auxiliary) = (self.feedback, self.auxiliary);
         let inputs = CycleInputs {
-            servo,
-            request,
-            external,
-            missed,
-            feedback,
-            auxiliary,
+            servo: inputs.servo,
+            request: inputs.request,
+            external: inputs.external.or(frame),
+            missed: inputs.missed,
+            feedback: self.feedback,
+            auxiliary: self.auxiliary,
             ..CycleInputs::default()
         };
         self.outputs = self.cycle.step(self.now, &inputs);
@@ -350,9 +333,8 @@ fn update_drive(
 }
 
 impl ClosedLoop<IdealMotors> {
-    /// Moves the motors through `history` with the drives off, fractional counts rounded, and
-    /// enables the drives at its end. Without a history the motors are in the centre of the model's
-    /// hull, and the memory is unknown.
+    /// Moves the motors through `history` with the drives off, counts rounded, and enables them at
+    /// its end. Without a history they are in the centre of the hull, and the memory is unknown.
     pub fn after(
         config: &Config,
         model: &Arc<Model>,
@@ -380,8 +362,7 @@ pub fn start_position(model: &Model, goal: &OutputVec) -> MotorVec {
     model.invert(goal, &model.new_memory(), &Query::new(model.hull().centre())).counts
 }
 
-/// The configuration without limits on motion: velocity, acceleration, jerk, steps and positions.
-/// The calibrated hull of the model stays, and so do its filters.
+/// The configuration without limits on motion. The hull of the model and its filters stay.
 pub fn without_limits(config: &Config) -> Config {
     /// Beyond all limits of motors, and small enough for its square to be finite.
     const NO_LIMIT: f64 = 1e9;

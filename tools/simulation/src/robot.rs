@@ -11,9 +11,7 @@ pub const TICK_S: f64 = 1e-3;
 
 /// Steps of the motors in a tick: the emulator's own step is half a millisecond.
 const STEPS: usize = 2;
-
-/// Limits of the drives in the emulator's configuration: 300 mA, 3000 rpm of a motor with 1024
-/// counts a turn.
+/// Limits of the emulator's configuration: 300 mA, 3000 rpm of a motor with 1024 counts a turn.
 const LIMITS: Limits = Limits { current_ma: 300.0, speed: 51_200.0 };
 
 #[derive(Debug, Clone)]

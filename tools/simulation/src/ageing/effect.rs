@@ -10,10 +10,8 @@ use super::{Change, Course, Parameter};
 
 /// The grid, seconds; a power of two, so that sums of steps are exact.
 const GRID_S: f64 = 0.125;
-
 /// Maximum number of grid steps at once: a pause of ten hours.
 const MAX_PAUSE_S: f64 = 36_000.0;
-
 /// Minimum factor of a parameter.
 const MIN_FACTOR: f64 = 0.05;
 
@@ -76,18 +74,15 @@ impl AgeingEffect {
             Parameter::Friction => (&mut self.friction, true),
             Parameter::Zero => (&mut self.travel_deg, false),
         };
-        for (number, entry) in pair.iter_mut().enumerate() {
-            if motor.is_some_and(|motor| motor != number) {
-                continue;
-            }
+        let is_changed = |number: usize| motor.is_none_or(|motor| motor == number);
+        for (_, entry) in pair.iter_mut().enumerate().filter(|(number, _)| is_changed(*number)) {
             *entry =
                 if is_factor { (*entry * (1.0 + value)).max(MIN_FACTOR) } else { *entry + value };
         }
     }
 }
 
-/// A change in progress. It advances on a fixed grid, so that its path does not depend on the
-/// time steps of the caller.
+/// A change in progress, on a fixed grid: its path does not depend on the steps of the caller.
 #[derive(Debug, Clone)]
 struct RunningChange {
     change: Change,

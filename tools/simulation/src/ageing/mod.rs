@@ -106,8 +106,7 @@ pub struct ChangeError {
 }
 
 impl Change {
-    /// Checks all values. Fails if a value is out of its range, or a place does not fit the
-    /// parameter.
+    /// Fails if a value is out of its range, or a place does not fit the parameter.
     pub fn check(&self) -> Result<(), ChangeError> {
         let refuse = |key, value, reason| Err(ChangeError { key, value, reason });
         let by = self.by;

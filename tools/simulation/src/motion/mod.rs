@@ -2,6 +2,5 @@
 
 pub mod paced_motion;
 pub mod protocol;
-mod reversals;
 pub mod trajectory_time;
 pub mod unseen_motion;

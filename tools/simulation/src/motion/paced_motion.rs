@@ -14,8 +14,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Passes through points that are [`STEP_S`] apart, or further if a motor would exceed
-    /// `speed_counts_s`.
+    /// Passes through points [`STEP_S`] apart, or further if a motor would exceed the speed.
     pub fn paced(points: impl IntoIterator<Item = MotorVec>, speed_counts_s: f64) -> Self {
         let mut points = points.into_iter();
         let Some(mut before) = points.next() else {
@@ -78,8 +77,7 @@ impl Playback {
         Self { motion, time: TrajectoryTime { time_s: 0.0, rate: 0.0 }, approach: None }
     }
 
-    /// Resumes from rest at another position: back to the point of interruption, then along the
-    /// motion.
+    /// Resumes from rest elsewhere: back to the point of interruption, then along the motion.
     pub fn rejoin(&mut self, from: MotorVec, speed_counts_s: f64) {
         self.time.rate = 0.0;
         let to = self.motion.position(self.time.time_s);
@@ -102,11 +100,8 @@ impl Playback {
 
     /// Whether the motion is at rest: finished, or stopped.
     pub fn is_finished(&self, stop: bool) -> bool {
-        let is_at_rest = match &self.approach {
-            Some(approach) => approach.time.rate == 0.0,
-            None => self.time.rate == 0.0,
-        };
-        self.left_s() <= 0.0 || (stop && is_at_rest)
+        let time = self.approach.as_ref().map_or(&self.time, |approach| &approach.time);
+        self.left_s() <= 0.0 || (stop && time.rate == 0.0)
     }
 
     /// Time left, s.
@@ -135,11 +130,8 @@ mod tests {
     use super::*;
 
     fn fastest(motion: &Motion) -> f64 {
-        motion
-            .positions()
-            .windows(2)
-            .map(|pair| distance(&pair[0], &pair[1]) / STEP_S)
-            .fold(0.0, f64::max)
+        let speeds = motion.positions().windows(2).map(|it| distance(&it[0], &it[1]) / STEP_S);
+        speeds.fold(0.0, f64::max)
     }
 
     #[test]

@@ -26,8 +26,7 @@ impl TrajectoryTime {
     }
 }
 
-/// The minimum-jerk polynomial of Flash and Hogan (1985), from 0 to 1 with rest at both ends: s^3
-/// (10 - 15 s + 6 s^2).
+/// The minimum-jerk polynomial of Flash and Hogan (1985), from 0 to 1: s^3 (10 - 15 s + 6 s^2).
 pub fn minimum_jerk(share: f64) -> f64 {
     let s = share.clamp(0.0, 1.0);
     s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)

@@ -13,11 +13,9 @@ pub const RATE_HZ: f64 = 200.0;
 
 /// Range of teleoperation, deg.
 const SPAN_DEG: f64 = 30.0;
-
 /// Maximum speed of every motion without its tremor, deg/s. The limits of a robot as delivered
 /// allow 9 to 12 on emulated snakes, and take 0.2 to 0.4 s for a reversal.
 const SPEED_DEG_S: f64 = 4.0;
-
 /// Amplitude of a hand's tremor per axis, deg, and its frequency, Hz.
 const TREMOR_DEG: f64 = 0.05;
 const TREMOR_HZ: f64 = 10.0;
@@ -95,11 +93,10 @@ fn visit(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
         let step = [to[0] - from[0], to[1] - from[1]];
         // Minimum-jerk motion is 1.875 times as fast in the middle as on average.
         let duration_s = (1.875 * step[0].hypot(step[1]) / SPEED_DEG_S).max(0.5);
-        path.extend(
-            samples(duration_s)
-                .map(|t_s| minimum_jerk(t_s / duration_s))
-                .map(|s| [from[0] + s * step[0], from[1] + s * step[1]]),
-        );
+        path.extend(samples(duration_s).map(|t_s| {
+            let s = minimum_jerk(t_s / duration_s);
+            [from[0] + s * step[0], from[1] + s * step[1]]
+        }));
         path.extend(samples(0.5).map(|_| to));
         from = to;
     }
@@ -107,45 +104,27 @@ fn visit(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
 }
 
 /// Noise of deviation 1 below a frequency: a sum of sines.
-struct BandNoise(Vec<(f64, f64)>);
-
-impl BandNoise {
-    fn below(hz: f64, random: &mut Pcg64) -> Self {
-        Self(
-            (0..16)
-                .map(|_| (random.random_range(0.1..1.0) * hz, random.random_range(0.0..TAU)))
-                .collect(),
-        )
-    }
-
-    fn at(&self, t_s: f64) -> f64 {
-        let sum: f64 = self.0.iter().map(|(hz, phase)| (TAU * hz * t_s + phase).sin()).sum();
-        sum * (2.0 / self.0.len() as f64).sqrt()
+fn band_noise(hz: f64, random: &mut Pcg64) -> impl Fn(f64) -> f64 + use<> {
+    let sines: [(f64, f64); 16] = std::array::from_fn(|_| {
+        (random.random_range(0.1..1.0) * hz, random.random_range(0.0..TAU))
+    });
+    move |t_s| {
+        let sum: f64 = sines.iter().map(|(hz, phase)| (TAU * hz * t_s + phase).sin()).sum();
+        sum * (2.0 / sines.len() as f64).sqrt()
     }
 }
 
 /// An oscillation that fades in and out.
-struct Loop {
-    middle_s: f64,
-    width_s: f64,
-    hz: f64,
-    size: [f64; 2],
-}
-
-impl Loop {
-    fn new(duration_s: f64, random: &mut Pcg64) -> Self {
-        let (size, angle) = (random.random_range(0.05..0.35), random.random_range(0.0..TAU));
-        Self {
-            middle_s: random.random_range(0.0..duration_s),
-            width_s: random.random_range(1.0..2.5),
-            hz: random.random_range(0.4..1.2),
-            size: [size * f64::cos(angle), size * f64::sin(angle)],
-        }
-    }
-
-    fn at(&self, t_s: f64) -> f64 {
-        let since = t_s - self.middle_s;
-        (-(since / self.width_s).powi(2)).exp() * (TAU * self.hz * since).sin()
+fn swing(duration_s: f64, random: &mut Pcg64) -> impl Fn(f64) -> [f64; 2] + use<> {
+    let (size, angle) = (random.random_range(0.05..0.35), random.random_range(0.0..TAU));
+    let middle_s = random.random_range(0.0..duration_s);
+    let width_s: f64 = random.random_range(1.0..2.5);
+    let hz: f64 = random.random_range(0.4..1.2);
+    let size = [size * f64::cos(angle), size * f64::sin(angle)];
+    move |t_s| {
+        let since = t_s - middle_s;
+        let at = (-(since / width_s).powi(2)).exp() * (TAU * hz * since).sin();
+        size.map(|size| size * at)
     }
 }
 
@@ -153,15 +132,15 @@ fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
     let mut random = Pcg64::seed_from_u64(seed);
     let parts = [0, 1].map(|_| {
         [(0.06, 0.62), (0.25, 0.22), (0.8, 0.06)]
-            .map(|(hz, share)| (BandNoise::below(hz, &mut random), share))
+            .map(|(hz, share)| (band_noise(hz, &mut random), share))
     });
-    let loops: Vec<Loop> =
-        (0..(duration_s / 8.0) as u32).map(|_| Loop::new(duration_s, &mut random)).collect();
+    let swings: Vec<_> =
+        (0..(duration_s / 8.0) as u32).map(|_| swing(duration_s, &mut random)).collect();
     let at = |t_s: f64| {
         let mut goal = [0.0; 2];
         for (axis, goal) in goal.iter_mut().enumerate() {
-            *goal = parts[axis].iter().map(|(noise, share)| share * noise.at(t_s)).sum::<f64>();
-            *goal += loops.iter().map(|swing| swing.size[axis] * swing.at(t_s)).sum::<f64>();
+            *goal = parts[axis].iter().map(|(noise, share)| share * noise(t_s)).sum::<f64>();
+            *goal += swings.iter().map(|swing| swing(t_s)[axis]).sum::<f64>();
         }
         // The operator stays within the range.
         let far = goal[0].hypot(goal[1]).max(1e-9);
@@ -197,8 +176,7 @@ fn slow_down(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
 /// A goal must be this much inside the reach of a model: gaps need room as well.
 const MARGIN: f64 = 1.15;
 
-/// Motions, scaled down if they exceed the calibrated hull of a model: the result shall depend on
-/// the model, not on the size of the hull.
+/// Motions, scaled down into the hull of a model: the result depends on the model, not on its size.
 pub fn within_reach(
     motions: &[(Motion, Vec<[f64; 2]>)],
     model: &Model,
@@ -209,11 +187,9 @@ pub fn within_reach(
         !model.invert(&goal, &memory, &Query::new([0.0; 2])).clipped
     };
     let smaller = |(motion, path): &(Motion, Vec<[f64; 2]>)| {
-        let sizes = (4..=20).rev().map(|step| f64::from(step) / 20.0);
-        let size = sizes
-            .into_iter()
-            .find(|size| path.iter().all(|goal| reached(goal, *size)))
-            .unwrap_or(0.2);
+        let mut sizes = (4..=20).rev().map(|step| f64::from(step) / 20.0);
+        let is_reached = |size: &f64| path.iter().all(|goal| reached(goal, *size));
+        let size = sizes.find(is_reached).unwrap_or(0.2);
         let scaled = path.iter().map(|goal| goal.map(|angle| angle * size));
         (*motion, scaled.collect())
     };
@@ -229,10 +205,8 @@ mod tests {
         for motion in Motion::ALL {
             let path = motion.path(30.0, 5);
             let far = path.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
-            assert!(
-                path[0][0].hypot(path[0][1]) < 0.2 && (10.0..36.0).contains(&far),
-                "{motion}: {far}"
-            );
+            assert!(path[0][0].hypot(path[0][1]) < 0.2, "{motion}: {:?}", path[0]);
+            assert!((10.0..36.0).contains(&far), "{motion}: {far}");
             let step = |w: &[[f64; 2]]| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]) * RATE_HZ;
             let fastest = path.windows(2).map(step).fold(0.0, f64::max);
             // The tremor adds up to 2 pi 10 Hz 0.05 deg 1.4 per axis.
