@@ -57,8 +57,9 @@ impl Host {
         Self { port }
     }
 
-    fn send(&mut self, bytes: &[u8]) {
+    fn send(&mut self, bytes: &[u8]) -> &mut Self {
         self.port.write_all(bytes).unwrap();
+        self
     }
 
     /// The data of the next reply.
@@ -84,8 +85,7 @@ impl Host {
 
     fn read(&mut self, index: u16, sub: u8) -> i32 {
         let [low, high] = index.to_le_bytes();
-        self.send(&encode(0x60, &[0, low, high, sub]));
-        let data = self.reply().unwrap();
+        let data = self.send(&encode(0x60, &[0, low, high, sub])).reply().unwrap();
         assert_eq!(data[..4], [0; 4]);
         i32::from_le_bytes(data[4..8].try_into().unwrap())
     }
@@ -93,8 +93,8 @@ impl Host {
     fn write(&mut self, index: u16, sub: u8, value: i32) {
         let [low, high] = index.to_le_bytes();
         let [a, b, c, d] = value.to_le_bytes();
-        self.send(&encode(0x68, &[0, low, high, sub, a, b, c, d]));
-        assert_eq!(self.reply().unwrap(), [0; 4], "{index:04X}");
+        let reply = self.send(&encode(0x68, &[0, low, high, sub, a, b, c, d])).reply();
+        assert_eq!(reply.unwrap(), [0; 4], "{index:04X}");
     }
 
     fn enable_cyclic_position(&mut self) {
@@ -144,8 +144,7 @@ const PIPELINED: EventKind = EventKind::HostBug(HostBug::Pipelined);
 fn frames_of_the_reference_are_answered() {
     let (emulator, _folder) = start();
     let mut host = Host::open(&emulator, 0);
-    host.send(&READ_STATUSWORD);
-    assert_eq!(host.reply().unwrap()[..6], [0, 0, 0, 0, 0x40, 0x00]);
+    assert_eq!(host.send(&READ_STATUSWORD).reply().unwrap()[..6], [0, 0, 0, 0, 0x40, 0x00]);
     host.send(&WRITE_CONTROLWORD);
     let mut reply = [0; 10];
     host.port.read_exact(&mut reply).unwrap();
@@ -173,8 +172,7 @@ fn bytes_during_the_processing_are_detected() {
     let mut host = Host::open(&emulator, 0);
     host.send(&READ_STATUSWORD);
     wait_for("request is received", || emulator.snapshot().axes[0].requests == 1);
-    host.send(&READ_STATUSWORD);
-    assert!(host.reply().is_some());
+    assert!(host.send(&READ_STATUSWORD).reply().is_some());
     assert_eq!(host.replies(), 0);
     assert_eq!(host_bugs(&emulator), [PIPELINED]);
 }
@@ -186,10 +184,8 @@ fn damaged_and_truncated_frames_have_no_effect() {
     host.write(0x2005, 0, 50);
     let mut damaged = READ_STATUSWORD;
     damaged[5] ^= 1;
-    host.send(&damaged);
-    assert_eq!(host.reply().unwrap(), [0x04, 0x00, 0x04, 0x05]);
-    host.send(&WRITE_CONTROLWORD[..9]);
-    assert_eq!(host.replies(), 0);
+    assert_eq!(host.send(&damaged).reply().unwrap(), [0x04, 0x00, 0x04, 0x05]);
+    assert_eq!(host.send(&WRITE_CONTROLWORD[..9]).replies(), 0);
     let timeout = EventKind::Line(LineTrouble::FrameTimeout);
     wait_for("the truncated frame is dropped", || events(&emulator).contains(&timeout));
     assert_eq!(host.read(0x1018, 1), 0xFB);
@@ -208,8 +204,7 @@ fn set_points_follow_each_other_no_faster_than_the_line() {
     }
     let mut setpoints = emulator.log();
     setpoints.retain(|event| matches!(event.kind, EventKind::Setpoint(_)));
-    // Request and reply are at least 24 bytes of ten bits. The first may count as sent slightly
-    // before it was read.
+    // At least 24 bytes of ten bits. The first may count as sent slightly before it was read.
     let (exchange, slack) = (Nanos(24 * 10 * 1_000_000_000 / 9_600), Nanos::from_millis(1));
     let mut earliest = before;
     for Event { stamp, .. } in setpoints {
@@ -228,8 +223,7 @@ fn faults_mutes_and_power_cycles_affect_one_axis() {
     assert_eq!(host.read(0x6041, 0) & 0x6F, 0x08);
     assert_eq!(host.read(0x603F, 0) & 0xFFFF, 0x2310);
     emulator.mute(1, true);
-    host.send(&READ_STATUSWORD);
-    assert_eq!(host.replies(), 0);
+    assert_eq!(host.send(&READ_STATUSWORD).replies(), 0);
     emulator.mute(1, false);
     assert_eq!(host.read(0x6041, 0) & 0x6F, 0x08);
     emulator.power_cycle(1);
@@ -268,8 +262,7 @@ fn the_control_socket_injects_faults_and_reports_the_state() {
     assert_eq!(send("{axis = 0, kind = \"fault\", code = 0x2310}"), "ok");
     assert_eq!(host.read(0x603F, 0) & 0xFFFF, 0x2310);
     assert_eq!(send("{kind = \"cut-reply-in-pair\"}"), "ok");
-    host.send(&READ_STATUSWORD);
-    assert_eq!(host.replies(), 0, "the reply was cut");
+    assert_eq!(host.send(&READ_STATUSWORD).replies(), 0, "the reply was cut");
     assert_eq!(host.read(0x1018, 1), 0xFB);
     assert!(send("{kind = \"explode\"}").starts_with("error: "));
     assert!(events(&emulator).contains(&EventKind::Injected("cut-reply-in-pair")));
