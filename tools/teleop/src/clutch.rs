@@ -8,52 +8,30 @@
 //!      +------------------------------- fault of any device -------------------------------+
 //! ```
 //!
-//! After every start, loss and return of a device, all of them have to be seen at rest once, and
-//! the dead-man has to be pressed again.
-
-use std::fmt;
+//! After every start, loss and return all devices must be seen at rest, then the dead-man pressed.
 
 use i2ris::units::Nanos;
 
 use crate::control::{DeadMan, Fault, Reading};
 
 /// Reason why the snake does not follow.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Open {
-    /// A control was not seen centred since the start.
+    #[error("the stick was never centred: move it once and release it")]
     NeverCentred,
-    /// The dead-man was pressed while a control was deflected.
+    #[error("the stick was deflected when the dead-man closed: release both once")]
     Deflected,
     /// A trigger was never seen untouched.
+    #[error("the dead-man is half pressed: release it, then press it fully")]
     HalfPressed,
+    #[error("{0}: release everything, then press it again")]
     Fault(Fault),
     /// The dead-man reports a release while it is held.
+    #[error("the pedal sends taps, not a dead-man: set it to hold its key, or use another")]
     Tapped,
-    /// No fault: the dead-man is not pressed.
+    /// No fault.
+    #[error("the dead-man is not pressed")]
     Released,
-}
-
-impl fmt::Display for Open {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NeverCentred => {
-                f.write_str("the stick was never centred: move it once and release it")
-            }
-            Self::Deflected => {
-                f.write_str("the stick was deflected when the dead-man closed: release both once")
-            }
-            Self::HalfPressed => {
-                f.write_str("the dead-man is half pressed: release it, then press it fully")
-            }
-            Self::Fault(fault) => {
-                write!(f, "{fault}: release everything, then press it again")
-            }
-            Self::Tapped => f.write_str(
-                "the pedal sends taps, not a dead-man: set it to hold its key, or use another",
-            ),
-            Self::Released => f.write_str("the dead-man is not pressed"),
-        }
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,19 +65,16 @@ impl Default for Hand {
 
 /// The dead-man of a hand with one or more devices.
 #[derive(Debug)]
-pub struct Clutch {
-    phase: Phase,
-}
+pub struct Clutch(Phase);
 
 impl Default for Clutch {
     fn default() -> Self {
-        Self { phase: Phase::Unrested(Open::NeverCentred) }
+        Self(Phase::Unrested(Open::NeverCentred))
     }
 }
 
 impl Clutch {
-    /// Updates with the readings of all devices of the hand; `true`: the device steers. A device
-    /// without axes (a pedal) replaces the dead-man of one that steers.
+    /// Updates with all readings; `true`: the device steers. A pedal replaces its dead-man.
     pub fn update(&mut self, readings: &[(bool, Reading)]) -> Hand {
         let has_dead_man = |reading: &&(bool, Reading)| reading.1.dead_man.is_some();
         let pedals: Vec<_> =
@@ -120,7 +95,7 @@ impl Clutch {
         });
         let fault = readings.iter().find_map(|(_, reading)| reading.fault);
         let fault = fault.or(is_overdue.then_some(Fault::Overdue));
-        self.phase = match (fault, self.phase) {
+        self.0 = match (fault, self.0) {
             (Some(fault), _) => Phase::Unrested(Open::Fault(fault)),
             (None, Phase::Unrested(why)) => match (push, dead_man) {
                 (Some([0.0, 0.0]), DeadMan::Released) => Phase::Rested,
@@ -138,7 +113,7 @@ impl Clutch {
         };
         Hand {
             push: push.unwrap_or([0.0; 2]),
-            open: match self.phase {
+            open: match self.0 {
                 Phase::Unrested(why) => Some(why),
                 Phase::Rested if is_tapped => Some(Open::Tapped),
                 Phase::Rested => Some(Open::Released),
@@ -198,29 +173,21 @@ mod tests {
     #[test]
     fn separate_dead_man_expires_while_the_stick_works() {
         use crate::control::Control;
-        use crate::identity::Identity;
-        use crate::profile::{DEAD_MAN_MS, Handedness, Profile};
-        use crate::state::{Code, Description, DeviceState, Event, Range};
-        let device = |lines: &str, keys: &[u16], axes: &[u16]| {
-            let range = |code: &u16| Range { code: *code, minimum: -100, maximum: 100, flat: 0 };
-            let axes = axes.iter().map(range).collect();
-            let device = Description::new(Identity::new(1, 2, "x"), axes, keys.to_vec());
-            let profile = Profile::parse(&format!("name = 'x'\ndevices = []\n{lines}")).unwrap();
-            let controls = profile.controls(&device, Handedness::Right).unwrap();
-            (device, Control::new(&profile, controls), DeviceState::new(Nanos(1)))
-        };
-        let mut stick = device("right = 'ABS_X'\nup = 'ABS_Y'", &[], &[0, 1]);
-        let mut pedal = device("dead_man = 'KEY_B'", &[48], &[]);
+        use crate::control::tests::{control, device};
+        use crate::profile::DEAD_MAN_MS;
+        use crate::state::{Code, DeviceState, Event};
+        let mut stick = (control("right = 'ABS_X'\nup = 'ABS_Y'"), DeviceState::new(Nanos(1)));
+        let mut pedal = (control("dead_man = 'BTN_TR'"), DeviceState::new(Nanos(1)));
         let (mut clutch, mut open_at) = (Clutch::default(), None);
         let mut period = |ms: u64, key: Option<i32>, x: i32| {
             let now = Nanos::from_millis(ms);
-            stick.2.apply(Event::Value(Code::Absolute(0), x), now);
-            stick.2.apply(Event::Value(Code::Absolute(1), 0), now);
+            stick.1.apply(Event::Value(Code::Absolute(0), x), now);
+            stick.1.apply(Event::Value(Code::Absolute(1), 128), now);
             if let Some(key) = key {
-                pedal.2.apply(Event::Value(Code::Key(48), key), now);
+                pedal.1.apply(Event::Value(Code::Key(0x137), key), now);
             }
-            let read = |(device, control, state): &mut (_, Control, _)| {
-                (control.has_axes(), control.read(device, state, now))
+            let read = |(control, state): &mut (Control, DeviceState)| {
+                (control.has_axes(), control.read(&device(), state, now))
             };
             clutch.update(&[read(&mut stick), read(&mut pedal)]).open
         };

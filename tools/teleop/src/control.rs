@@ -3,18 +3,19 @@
 //! Silence is judged here, at the device, not at the stream that it feeds: a receiver out of range
 //! keeps its last value, and a broken connection may keep repeating it. Both look alive downstream.
 
+use std::mem;
+
 use i2ris::units::Nanos;
 
 use crate::profile::{Controls, Profile, SignedAxis};
-use crate::state::{Code, Description, DeviceState};
+use crate::state::{Code, Description, DeviceState, Value};
 
 /// Relative axes without an event for this time are at rest: the kernel does not report zeros.
 const RELATIVE_TIMEOUT: Nanos = Nanos::from_millis(60);
 /// Values up to this share of the range are tolerated; beyond, it is a different device, or
 /// broken. A SpaceNavigator went to 498 of its 350 (johnhw/pyspacenavigator#1).
 const MAX_SHARE: f64 = 1.5;
-/// A trigger or pedal counts as pressed above the first share of its travel, as released below the
-/// second, and as untouched below the third.
+/// A trigger or pedal is pressed above, released and untouched below these shares of its travel.
 const PRESSED: f64 = 0.6;
 const RELEASED: f64 = 0.4;
 const UNTOUCHED: f64 = 0.1;
@@ -70,13 +71,8 @@ pub struct Reading {
 /// Reads one device by its profile.
 #[derive(Debug)]
 pub struct Control {
+    profile: Profile,
     controls: Controls,
-    dead_zone: f64,
-    curve: f64,
-    silence: Nanos,
-    repeat: Nanos,
-    held: Nanos,
-    relative_range: f64,
     /// State of a dead-man that is an axis.
     is_pressed: bool,
     /// Time at which a dead-man that is a key was pressed, while it is held.
@@ -87,18 +83,8 @@ pub struct Control {
 
 impl Control {
     pub fn new(profile: &Profile, controls: Controls) -> Self {
-        Self {
-            controls,
-            dead_zone: profile.dead_zone,
-            curve: profile.curve,
-            silence: Nanos::from_millis(profile.silence_ms),
-            repeat: Nanos::from_millis(profile.repeat_ms),
-            held: Nanos::from_millis(profile.dead_man_ms),
-            relative_range: profile.relative_range.map_or(1.0, f64::from).max(1.0),
-            is_pressed: false,
-            pressed_since: None,
-            taps: 0,
-        }
+        let profile = profile.clone();
+        Self { profile, controls, is_pressed: false, pressed_since: None, taps: 0 }
     }
 
     pub fn has_axes(&self) -> bool {
@@ -110,34 +96,33 @@ impl Control {
     }
 
     pub fn read(&mut self, device: &Description, state: &mut DeviceState, now: Nanos) -> Reading {
-        let mut fault = state.take_dropped().then_some(Fault::Dropped);
+        let is_older = |at: Nanos, ms: u64| now.duration_since(at) > Nanos::from_millis(ms);
+        let mut fault = mem::take(&mut state.dropped).then_some(Fault::Dropped);
         let push = self.controls.axes.map_or(Some([0.0; 2]), |axes| {
             let shares = axes.map(|axis| self.share(axis, device, state, now));
-            let [Some(right), Some(up)] = shares else {
-                return None;
-            };
+            let (right, up) = (shares[0]?, shares[1]?);
             if right.abs().max(up.abs()) > MAX_SHARE {
                 fault = Some(Fault::OutOfRange);
             }
             Some([self.shape(right, axes[0], device), self.shape(up, axes[1], device)])
         });
         if push.is_some_and(|push| push != [0.0; 2]) {
-            if now.duration_since(state.last_event()) > self.silence {
+            if is_older(state.last_event, self.profile.silence_ms) {
                 fault = Some(Fault::Silent);
-            } else if now.duration_since(state.last_change()) > self.repeat {
+            } else if is_older(state.last_change, self.profile.repeat_ms) {
                 fault = Some(Fault::Repeats);
             }
         }
         let presses = state.take_presses();
         let count = |of: Option<u16>| presses.iter().filter(|key| of == Some(**key)).count() as u32;
         let (scale_steps, marks) = (count(self.controls.scale), count(self.controls.mark));
-        let (dead_man, newest) = (self.dead_man(device, state), state.take_newest());
+        let (dead_man, newest) = (self.dead_man(device, state), state.newest.take());
         self.count_taps(&presses, dead_man, now);
         // A clock that is ahead of this one is not usable.
         let newest = newest.filter(|newest| *newest <= now);
         // Not the last event: the kernel repeats a held key automatically.
         let is_overdue = dead_man == Some(DeadMan::Pressed)
-            && now.duration_since(state.last_change()) > self.held;
+            && is_older(state.last_change, self.profile.dead_man_ms);
         let is_tapped = self.taps > 1;
         Reading { push, dead_man, is_tapped, is_overdue, fault, scale_steps, marks, newest }
     }
@@ -161,21 +146,19 @@ impl Control {
         now: Nanos,
     ) -> Option<f64> {
         let value = state.axis(axis.code);
-        Some(
-            axis.sign
-                * match axis.code {
-                    Code::Absolute(code) => {
-                        let range = device.range(code)?;
-                        let (low, high) = (f64::from(range.minimum), f64::from(range.maximum));
-                        (f64::from(value?.value) - 0.5 * (low + high)) / (0.5 * (high - low))
-                    }
-                    _ => {
-                        let fresh = value
-                            .filter(|value| now.duration_since(value.came) <= RELATIVE_TIMEOUT);
-                        fresh.map_or(0.0, |value| f64::from(value.value) / self.relative_range)
-                    }
-                },
-        )
+        let share = match axis.code {
+            Code::Absolute(code) => {
+                let range = device.range(code)?;
+                let (low, high) = (f64::from(range.minimum), f64::from(range.maximum));
+                (f64::from(value?.value) - 0.5 * (low + high)) / (0.5 * (high - low))
+            }
+            _ => {
+                let fresh = |value: &Value| now.duration_since(value.came) <= RELATIVE_TIMEOUT;
+                let range = self.profile.relative_range.map_or(1.0, f64::from).max(1.0);
+                value.filter(fresh).map_or(0.0, |value| f64::from(value.value) / range)
+            }
+        };
+        Some(axis.sign * share)
     }
 
     /// Removes the dead zone without a jump at its edge, and applies the curve.
@@ -186,9 +169,9 @@ impl Control {
             }),
             _ => 0.0,
         };
-        let dead = self.dead_zone.max(flat).min(0.9);
+        let dead = self.profile.dead_zone.max(flat).min(0.9);
         let beyond = (share.abs().min(1.0) - dead) / (1.0 - dead);
-        if beyond <= 0.0 { 0.0 } else { share.signum() * beyond.powf(self.curve) }
+        if beyond <= 0.0 { 0.0 } else { share.signum() * beyond.powf(self.profile.curve) }
     }
 
     fn dead_man(&mut self, device: &Description, state: &DeviceState) -> Option<DeadMan> {
@@ -213,7 +196,7 @@ impl Control {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::identity::Identity;
     use crate::profile::Handedness;
@@ -227,7 +210,7 @@ mod tests {
         Range { code, minimum, maximum, flat: 10 }
     }
 
-    fn device() -> Description {
+    pub(crate) fn device() -> Description {
         Description {
             identity: Identity::new(1, 2, "Pad"),
             protocol: Protocol::Evdev,
@@ -237,7 +220,7 @@ mod tests {
         }
     }
 
-    fn control(lines: &str) -> Control {
+    pub(crate) fn control(lines: &str) -> Control {
         let profile = Profile::parse(&format!("name = 'x'\ndevices = []\n{lines}")).unwrap();
         let controls = profile.controls(&device(), Handedness::Right).unwrap();
         Control::new(&profile, controls)
@@ -302,7 +285,7 @@ mod tests {
     fn largest_space_navigator_value_is_full_deflection() {
         let device =
             crate::space_mouse::description(Identity::new(0x046d, 0xc626, "SpaceNavigator"));
-        let profile = Profile::shipped().find(|profile| profile.is_for(&device.identity)).unwrap();
+        let profile = crate::tests::profile(&device).unwrap();
         let controls = profile.controls(&device, Handedness::Right).unwrap();
         let (mut control, mut state) = (Control::new(&profile, controls), DeviceState::default());
         state.apply(Event::Value(X, -441), Nanos(1));

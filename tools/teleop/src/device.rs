@@ -70,8 +70,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// Opens `/dev/input/event*` or `/dev/hidraw*`, or a pipe through which a recording is played.
-    /// Other files are not read.
+    /// Opens `/dev/input/event*`, `/dev/hidraw*`, or a pipe through which a recording is played.
     pub fn open(path: &Path) -> Result<Self, DeviceError> {
         let failed = |error| DeviceError::Io { path: path.to_owned(), error };
         let kind = path.metadata().map_err(failed)?.file_type();
@@ -103,8 +102,7 @@ impl Device {
         self.played.is_some()
     }
 
-    /// Opens a recording that is played through a pipe: head, then frames at their times. Fails if
-    /// no head comes within that time.
+    /// Opens a recording that is played through a pipe. Fails if no head comes within that time.
     pub(crate) fn open_played(path: &Path, within: Nanos) -> Result<Self, DeviceError> {
         let failed = |error| DeviceError::Io { path: path.to_owned(), error };
         let wrong = |error| DeviceError::Recording { path: path.to_owned(), error };
@@ -135,8 +133,7 @@ impl Device {
         Self { path, description, file, grabbed, pulse, played, decoder, state }
     }
 
-    /// Grabs the device for this program alone: a pedal is a keyboard, and would type. Fails if
-    /// another program has grabbed it.
+    /// Grabs the device: a pedal is a keyboard, and would type. Fails if another program has it.
     pub fn grab(&mut self) -> Result<(), DeviceError> {
         let path = &self.path;
         let grabbed = self.grabbed.as_mut().map_or(Ok(()), RawDevice::grab);
@@ -178,8 +175,7 @@ impl Device {
         (&self.description, &mut self.state)
     }
 
-    /// Reads what has arrived, and passes on every piece unchanged. Never waits. Fails when the
-    /// device is gone.
+    /// Reads without waiting; passes on every piece unchanged. Fails when the device is gone.
     pub fn read(&mut self, now: Nanos, mut raw: impl FnMut(&[u8])) -> Result<(), DeviceError> {
         // Frames may have come together with the head.
         self.play(&[], now, &mut raw)?;
@@ -233,7 +229,7 @@ impl Device {
                 Some(now)
             }
         };
-        self.state.stamped(stamp);
+        self.state.newest = stamp.or(self.state.newest);
     }
 }
 
@@ -258,6 +254,8 @@ fn describe(raw: &RawDevice) -> io::Result<Description> {
         maximum: axis.maximum(),
         flat: axis.flat(),
     };
+    let relative = raw.supported_relative_axes().into_iter().flat_map(|axes| axes.iter());
+    let keys = raw.supported_keys().into_iter().flat_map(|keys| keys.iter());
     Ok(Description {
         identity: Identity {
             vendor: id.vendor(),
@@ -267,13 +265,8 @@ fn describe(raw: &RawDevice) -> io::Result<Description> {
         },
         protocol: Protocol::Evdev,
         absolute: raw.get_absinfo()?.map(range).collect(),
-        relative: raw
-            .supported_relative_axes()
-            .iter()
-            .flat_map(|axes| axes.iter())
-            .map(|axis| axis.0)
-            .collect(),
-        keys: raw.supported_keys().iter().flat_map(|keys| keys.iter()).map(|key| key.0).collect(),
+        relative: relative.map(|axis| axis.0).collect(),
+        keys: keys.map(|key| key.0).collect(),
     })
 }
 
@@ -297,10 +290,7 @@ fn hidraw_identity(path: &Path) -> io::Result<Identity> {
 }
 
 fn identity_of_uevent(text: &str) -> Option<Identity> {
-    let value = |key: &str| {
-        let line = text.lines().find_map(|line| line.strip_prefix(key))?;
-        line.strip_prefix('=')
-    };
+    let value = |key: &str| text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
     // Bus, vendor, product: 0003:0000256F:0000C635.
     let mut id = value("HID_ID")?.split(':').skip(1);
     let mut number = || u16::try_from(u32::from_str_radix(id.next()?, 16).ok()?).ok();
@@ -360,7 +350,7 @@ mod tests {
         let (_, state) = device.parts();
         assert!(state.is_pressed(0x137));
         // Microseconds are cut off.
-        let came = state.take_newest().unwrap();
+        let came = state.newest.take().unwrap();
         assert!(came + Nanos::from_micros(1) > before && came <= clock::now());
         drop(kernel);
         let gone = (0..1000).any(|_| {

@@ -27,11 +27,10 @@ pub struct EvdevDecoder {
 impl EvdevDecoder {
     pub fn decode(&mut self, bytes: &[u8], mut event: impl FnMut(Event)) {
         self.part.extend(bytes);
-        let whole = self.part.len() - self.part.len() % EVENT;
-        for raw in self.part[..whole].chunks_exact(EVENT) {
-            let &[.., k0, k1, c0, c1, v0, v1, v2, v3] = raw else {
-                continue;
-            };
+        let (events, _) = self.part.as_chunks::<EVENT>();
+        let whole = EVENT * events.len();
+        for raw in events {
+            let &[.., k0, k1, c0, c1, v0, v1, v2, v3] = raw;
             self.newest = stamp(raw);
             let kind = u16::from_le_bytes([k0, k1]);
             let code = u16::from_le_bytes([c0, c1]);

@@ -69,8 +69,7 @@ pub fn known<'a>(device: &Description, profiles: &'a [Profile]) -> Option<&'a Pr
     profiles.iter().find(|profile| profile.is_for(&device.identity))
 }
 
-/// Reopens a lost device: the one with the same identity, under any path. `None`: it is not
-/// connected, or a different one is in its place.
+/// Reopens a lost device by its identity, under any path. `None`: it is not connected.
 pub fn reopen(last: &Path, is_played: bool, identity: &Identity) -> Option<Device> {
     let is_same = |device: &Device| device.description().identity == *identity;
     if is_played {

@@ -1,5 +1,4 @@
-//! Identity of a device: unchanged after unplugging, and independent of the number that the kernel
-//! assigns.
+//! Identity of a device: unchanged after unplugging, independent of the kernel's number.
 
 use std::fmt;
 use std::str::FromStr;

@@ -35,16 +35,13 @@ impl Snapshot {
         Self { axes, keys, tapped: tapped.map(Code::Key) }
     }
 
-    fn axis(&self, code: Code) -> Option<i32> {
-        self.axes.iter().find(|(axis, _)| *axis == code).map(|(_, value)| *value)
-    }
-
     /// The axis that differs most from `rest`, as a share of its range with its sign.
     fn moved(&self, rest: &Self, device: &Description) -> Result<(Code, f64), String> {
         let share = |(code, value): &(Code, i32)| {
             let Code::Absolute(number) = *code else { return None };
             let range = device.range(number)?;
-            let moved = f64::from(*value) - f64::from(rest.axis(*code)?);
+            let (_, at_rest) = rest.axes.iter().find(|(axis, _)| axis == code)?;
+            let moved = f64::from(*value) - f64::from(*at_rest);
             Some((*code, moved / (f64::from(range.maximum) - f64::from(range.minimum))))
         };
         let mut moved: Vec<_> = self.axes.iter().filter_map(share).collect();
@@ -68,8 +65,7 @@ fn taps(key: Code) -> String {
     )
 }
 
-/// Creates a profile from four answers. An error is one sentence about the answer that is not
-/// clear.
+/// Creates a profile from four answers. An error is one sentence about an unclear answer.
 pub fn profile(device: &Description, answers: &[Snapshot; 4]) -> Result<Profile, String> {
     let [rest, right, up, dead_man] = answers;
     let named =
@@ -122,30 +118,22 @@ mod tests {
     fn four_answers_make_a_profile_that_is_read_again() {
         let device = space_mouse::description(Identity::new(0x1234, 0xabcd, "Stick \"7\""));
         let rest = snapshot(3, -2, &[]);
-        let answers = [
-            rest.clone(),
-            snapshot(340, 20, &[]),
-            snapshot(5, -300, &[]),
-            snapshot(0, 0, &[0x101]),
-        ];
+        let pushed = [snapshot(340, 20, &[]), snapshot(5, -300, &[]), snapshot(0, 0, &[0x101])];
+        let [right, up, dead_man] = pushed;
+        let answers = [rest.clone(), right, up, dead_man];
         let learned = profile(&device, &answers).unwrap();
         let text = toml::to_string(&learned).unwrap();
         assert_eq!(Profile::parse(&text).unwrap(), learned, "{text}");
         let names = &learned.controls;
-        assert_eq!(
-            [&names.right, &names.up, &names.dead_man].map(|name| name.as_deref().unwrap()),
-            ["ABS_X", "-ABS_Y", "BTN_1"]
-        );
+        let named = [&names.right, &names.up, &names.dead_man].map(|it| it.as_deref().unwrap());
+        assert_eq!(named, ["ABS_X", "-ABS_Y", "BTN_1"]);
+        let tapped = Snapshot { tapped: Some(Code::Key(48)), ..rest.clone() };
         for (index, wrong, part) in [
             (1, rest.clone(), "no axis moved"),
             (1, snapshot(300, 290, &[]), "moved alike"),
             (2, snapshot(300, 0, &[]), "two axes are needed"),
             (3, snapshot(0, 0, &[0x101, 0x102]), "2 keys"),
-            (
-                3,
-                Snapshot { tapped: Some(Code::Key(48)), ..rest.clone() },
-                "KEY_B is no longer held",
-            ),
+            (3, tapped, "KEY_B is no longer held"),
             (3, rest, "no axis moved"),
         ] {
             let mut answers = answers.clone();

@@ -18,17 +18,12 @@
 //! [`master`]: rate, position or hybrid: the pose that is commanded
 //! ```
 //!
-//! Directions of a hand are those of the picture: right, and up. A control that is pushed away from
-//! the person is pushed up.
+//! Directions of a hand are those of the picture: right, and up, which is away from the person.
 
-#[cfg(test)]
-mod captures;
 pub mod clutch;
 pub mod control;
 pub mod device;
 pub mod evdev_decoder;
-#[cfg(test)]
-mod faults;
 pub mod finder;
 pub mod identity;
 pub mod learning;
@@ -37,4 +32,6 @@ pub mod profile;
 pub mod recording;
 pub mod space_mouse;
 pub mod state;
+#[cfg(test)]
+mod tests;
 pub mod view;

@@ -6,11 +6,9 @@
 //!
 //! Pure: time is an argument, and deflections are already pitch and yaw.
 
-/// Maximum distance of the master ahead of the snake, deg. A stick that is held against a limit
-/// must not accumulate a distance that the snake travels later.
+/// Maximum distance ahead of the snake, deg: a stick held against a limit accumulates none.
 pub const MAX_AHEAD_DEG: f64 = 2.0;
-/// Key presses that may be pending. Keys repeat faster than the snake moves, and the snake should
-/// stop soon after the keys do.
+/// Key presses that may be pending: the snake should stop soon after the keys, which repeat fast.
 const MAX_PENDING_STEPS: f64 = 3.0;
 /// Deflection above which hybrid is a rate.
 const RIM: f64 = 0.8;
@@ -155,11 +153,9 @@ impl Master {
             }
             let to_go = self.centre[axis] + offset[axis] - self.pose[axis];
             let pose = self.pose[axis] + to_go.clamp(-reach, reach);
-            let near = |snake: [f64; 2]| {
+            self.pose[axis] = snake.map_or(pose, |snake| {
                 pose.clamp(snake[axis] - MAX_AHEAD_DEG, snake[axis] + MAX_AHEAD_DEG)
-            };
-            let pose = snake.map_or(pose, near);
-            self.pose[axis] = pose;
+            });
         }
     }
 }
@@ -241,8 +237,7 @@ mod tests {
                 let pose = stick.update(&pushed(1.0, 0.0), Some([0.0; 2]), STEP_S).pose;
                 assert!(pose[0] <= MAX_AHEAD_DEG);
             }
-            let mut snake = [0.0; 2];
-            snake = follow(&mut stick, &pushed(-1.0, 0.0), snake, 100);
+            let snake = follow(&mut stick, &pushed(-1.0, 0.0), [0.0; 2], 100);
             assert!(snake[0] < 0.0, "{mode:?}: {snake:?}");
         }
     }

@@ -1,5 +1,4 @@
-//! Meaning of the axes and keys of a device. A profile belongs to an identity, never to a number,
-//! which differs between drivers and modes.
+//! Meaning of the axes and keys of a device, by its identity: numbers differ between drivers.
 
 use std::str::FromStr;
 
@@ -36,8 +35,7 @@ pub struct Profile {
     pub name: String,
     /// Vendor and product of the devices, such as `046d:c62b`.
     pub devices: Vec<String>,
-    /// Controls that a device for this profile must not have: one that has them is served by a
-    /// different driver, which uses these names for other controls.
+    /// Controls that a device must not have: a different driver uses these names for others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unlike: Vec<String>,
     #[serde(flatten)]
@@ -189,26 +187,20 @@ impl Profile {
                 ));
             }
         }
-        let axis = |name: Option<&str>| match name {
-            None => Ok(None),
-            Some(text) => {
-                let axis: SignedAxis = text.parse()?;
-                present(text, axis.code)?;
-                if matches!(axis.code, Code::Relative(_)) && self.relative_range.is_none() {
-                    return Err(format!(
-                        "profile `{}`: {text} is a relative axis; without relative_range it has no \
-                         deflection (a mouse cannot steer)",
-                        self.name
-                    ));
-                }
-                Ok(Some(axis))
+        let axis = |text: &str| {
+            let axis: SignedAxis = text.parse()?;
+            present(text, axis.code)?;
+            if matches!(axis.code, Code::Relative(_)) && self.relative_range.is_none() {
+                return Err(format!(
+                    "profile `{}`: {text} is a relative axis; without relative_range it has no \
+                     deflection (a mouse cannot steer)",
+                    self.name
+                ));
             }
+            Ok(axis)
         };
-        let key = |name: Option<&str>| match name.map(|text| Ok((text, text.parse()?))) {
-            None => Ok(None),
-            Some(Err(error)) => Err(error),
-            Some(Ok((text, code))) => present(text, code).map(Some),
-        };
+        let axis = |name: Option<&str>| name.map(axis).transpose();
+        let key = |name: Option<&str>| name.map(|text| present(text, text.parse()?)).transpose();
         let axes = match (axis(name(|names| &names.right))?, axis(name(|names| &names.up))?) {
             (Some(right), Some(up)) => Some([right, up]),
             (None, None) => None,
@@ -257,9 +249,8 @@ mod tests {
 
     #[test]
     fn device_without_a_control_of_its_profile_is_refused() {
-        let identity = Identity::new(0x256f, 0xc635, "Mouse");
-        let mut device = space_mouse::description(identity);
-        let profile = Profile::shipped().find(|profile| profile.is_for(&device.identity)).unwrap();
+        let mut device = space_mouse::description(Identity::new(0x256f, 0xc635, "Mouse"));
+        let profile = crate::tests::profile(&device).unwrap();
         let controls = profile.controls(&device, Handedness::Right).unwrap();
         assert!(controls.axes.is_some() && controls.dead_man.is_some(), "{controls:?}");
         device.absolute.truncate(1);

@@ -1,8 +1,7 @@
 //! Raw bytes of a device with their times, as a file; played, the same bytes through a pipe.
 //!
 //! One line of JSON with the [`Description`], then frames: nanoseconds since the first (u64),
-//! length (u16), bytes; all little-endian. A report of hidraw is one frame, because it does not
-//! mark its end.
+//! length (u16), bytes, little-endian. A report of hidraw is one frame: it does not mark its end.
 
 use std::io::{self, ErrorKind, Read, Write};
 
@@ -72,13 +71,11 @@ impl Parser {
 
     /// The next complete frame: its time and bytes.
     pub fn frame(&mut self) -> Result<Option<Frame>, RecordingError> {
-        let Some((&time, rest)) = self.bytes.split_first_chunk::<8>() else {
+        let frame = self.bytes.split_first_chunk::<HEAD_OF_FRAME>().filter(|_| self.has_head);
+        let Some((&[time @ .., low, high], rest)) = frame else {
             return Ok(None);
         };
-        let Some((&length, rest)) = rest.split_first_chunk::<2>().filter(|_| self.has_head) else {
-            return Ok(None);
-        };
-        let length = usize::from(u16::from_le_bytes(length));
+        let length = usize::from(u16::from_le_bytes([low, high]));
         if length > MAX_FRAME {
             return Err(RecordingError::Frame(length));
         }
@@ -96,11 +93,8 @@ pub fn read(mut input: impl Read) -> Result<(Description, Vec<Frame>), Recording
     input.read_to_end(&mut bytes)?;
     parser.push(&bytes);
     let head = parser.head()?.ok_or(RecordingError::Head)?;
-    let mut frames = Vec::new();
-    while let Some(frame) = parser.frame()? {
-        frames.push(frame);
-    }
-    Ok((head, frames))
+    let frames = std::iter::from_fn(|| parser.frame().transpose());
+    Ok((head, frames.collect::<Result<_, _>>()?))
 }
 
 #[cfg(test)]

@@ -75,8 +75,7 @@ mod tests {
         let values = [13, 0, 293].into_iter().zip(0..);
         let values = values.map(|(value, axis)| Event::Value(Code::Absolute(axis), value));
         assert_eq!(sent, values.collect::<Vec<_>>());
-        let rz = Event::Value(Code::Absolute(5), 2);
-        assert_eq!(events(&[2, 0, 0, 0, 0, 2, 0])[2], rz);
+        assert_eq!(events(&[2, 0, 0, 0, 0, 2, 0])[2], Event::Value(Code::Absolute(5), 2));
         let pressed = |report: &[u8]| {
             let is_down = |event: &Event| matches!(event, Event::Value(_, 1));
             events(report).into_iter().filter(is_down).collect::<Vec<_>>()

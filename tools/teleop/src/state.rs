@@ -10,8 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::identity::Identity;
 
-/// An axis or a key, by the names of the kernel's `input-event-codes.h`: `ABS_X`, `REL_Z`,
-/// `BTN_TR`.
+/// An axis or a key; names are those of `input-event-codes.h`: `ABS_X`, `REL_Z`, `BTN_TR`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Code {
     Absolute(u16),
@@ -121,17 +120,16 @@ pub struct DeviceState {
     pressed: BTreeSet<u16>,
     /// Keys pressed since they were last taken.
     presses: Vec<u16>,
-    /// Events were lost since this was last taken.
-    dropped: bool,
-    last_event: Nanos,
-    last_change: Nanos,
-    /// Arrival of the newest event that was not yet taken.
-    newest: Option<Nanos>,
+    /// Events were lost since this was last taken, also when all is known again.
+    pub(crate) dropped: bool,
+    pub(crate) last_event: Nanos,
+    pub(crate) last_change: Nanos,
+    /// Arrival of the newest event that was not yet taken, by the clock of the kernel.
+    pub(crate) newest: Option<Nanos>,
 }
 
 impl DeviceState {
-    /// The unknown state of a device that was just opened: the kernel may report a zero that the
-    /// device never sent, and a key may be held down by an object.
+    /// Unknown: the kernel may report a zero never sent, and an object may hold down a key.
     pub fn new(now: Nanos) -> Self {
         Self { last_event: now, last_change: now, ..Self::default() }
     }
@@ -167,16 +165,6 @@ impl DeviceState {
         }
     }
 
-    /// Sets the arrival of the newest event, by the clock of the kernel.
-    pub fn stamped(&mut self, at: Option<Nanos>) {
-        self.newest = at.or(self.newest);
-    }
-
-    /// Arrival of the newest event since the last call; `None`: no event, or no timestamp.
-    pub fn take_newest(&mut self) -> Option<Nanos> {
-        self.newest.take()
-    }
-
     pub fn axis(&self, code: Code) -> Option<Value> {
         self.axes.get(&code).copied()
     }
@@ -196,19 +184,6 @@ impl DeviceState {
     /// The keys that were pressed since the last call, in sequence.
     pub fn take_presses(&mut self) -> Vec<u16> {
         std::mem::take(&mut self.presses)
-    }
-
-    /// Whether events were lost since the last call, also when all is known again.
-    pub fn take_dropped(&mut self) -> bool {
-        std::mem::take(&mut self.dropped)
-    }
-
-    pub fn last_event(&self) -> Nanos {
-        self.last_event
-    }
-
-    pub fn last_change(&self) -> Nanos {
-        self.last_change
     }
 }
 

@@ -12,8 +12,7 @@
 //! | 0 | yes | up | left |
 //! | 90 | yes | right | up |
 //!
-//! The mirror swaps right and left of the picture after the rotation. This does not depend on the
-//! hand: right is right, also for the left hand.
+//! The mirror swaps right and left after the rotation. Right is right, also for the left hand.
 
 use std::fmt;
 
@@ -74,8 +73,7 @@ impl View {
         Self { seen: [mirrored([-sin, cos]), mirrored([cos, sin])], deviation_deg: [0.0; 2] }
     }
 
-    /// Measures the view from a motion of pitch alone and one of yaw alone. Fails if they do not
-    /// determine it.
+    /// Measures the view from motions of pitch and of yaw alone. Fails if they do not determine it.
     pub fn measured(pitch: SeenMotion, yaw: SeenMotion) -> Result<Self, ViewError> {
         let column = |axis, motion: SeenMotion| {
             let SeenMotion { moved_deg, picture: [right, up], deviation } = motion;
@@ -113,8 +111,7 @@ impl View {
         self.seen
     }
 
-    /// Whether the picture is rotated against pitch and yaw: then the angles of a camera are not
-    /// pitch and yaw.
+    /// Whether the picture is rotated: then the angles of a camera are not pitch and yaw.
     pub fn is_turned(&self) -> bool {
         let [pitch, yaw] = self.directions_deg();
         let off = |deg: f64| (deg + 180.0).rem_euclid(360.0) - 180.0;
@@ -180,10 +177,8 @@ mod tests {
                 assert!(near(picture, push), "{rotation_deg} {mirror} {push:?}: {picture:?}");
             }
         }
-        assert_eq!(
-            View::typed(90.0, false).to_string(),
-            "+pitch goes ← (+180 deg), +yaw goes ↑ (+90 deg) in the picture"
-        );
+        let shown = "+pitch goes ← (+180 deg), +yaw goes ↑ (+90 deg) in the picture";
+        assert_eq!(View::typed(90.0, false).to_string(), shown);
     }
 
     #[test]
@@ -211,12 +206,10 @@ mod tests {
         assert!(matches!(not_seen, ViewError::NotSeen { axis: "pitch", .. }));
         for yaw in [motion(0.9, 0.4), motion(-0.9, -0.4)] {
             let near = View::measured(motion(1.0, 0.1), yaw).unwrap_err();
-            assert!(
-                matches!(near, ViewError::TooNear { .. }) && near.to_string().contains("18 deg")
-            );
+            assert!(matches!(near, ViewError::TooNear { .. }));
+            assert!(near.to_string().contains("18 deg"));
         }
-        let nan = motion(f64::NAN, 0.0);
-        assert!(View::measured(nan, motion(0.0, 1.0)).is_err());
+        assert!(View::measured(motion(f64::NAN, 0.0), motion(0.0, 1.0)).is_err());
     }
 
     proptest! {
