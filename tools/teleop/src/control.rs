@@ -113,7 +113,7 @@ impl Control {
                 fault = Some(Fault::Repeats);
             }
         }
-        let presses = state.take_presses();
+        let presses = mem::take(&mut state.presses);
         let count = |of: Option<u16>| presses.iter().filter(|key| of == Some(**key)).count() as u32;
         let (scale_steps, marks) = (count(self.controls.scale), count(self.controls.mark));
         let (dead_man, newest) = (self.dead_man(device, state), state.newest.take());

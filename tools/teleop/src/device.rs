@@ -221,7 +221,7 @@ impl Device {
         let stamp = match self.description.protocol {
             Protocol::Evdev => {
                 self.decoder.decode(bytes, apply);
-                self.decoder.newest()
+                self.decoder.newest
             }
             // Reports have no timestamp.
             Protocol::SpaceMouse => {

@@ -20,8 +20,8 @@ pub struct EvdevDecoder {
     part: Vec<u8>,
     /// After `SYN_DROPPED`, events up to the next report are inconsistent.
     dropped: bool,
-    /// The kernel's time of the newest event.
-    newest: Option<Nanos>,
+    /// The kernel's time of the newest event, on its monotonic clock; `None` without a timestamp.
+    pub newest: Option<Nanos>,
 }
 
 impl EvdevDecoder {
@@ -49,11 +49,6 @@ impl EvdevDecoder {
             }
         }
         self.part.drain(..whole);
-    }
-
-    /// The kernel's time of the newest event, on the monotonic clock; `None` without a timestamp.
-    pub fn newest(&self) -> Option<Nanos> {
-        self.newest
     }
 }
 
@@ -119,10 +114,10 @@ mod tests {
         let mut decoder = EvdevDecoder::default();
         let mut bytes = [encode(EV_ABS, 0, 1), encode(EV_SYN, SYN_REPORT, 0)].concat();
         decoded(&mut decoder, &bytes);
-        assert_eq!(decoder.newest(), None, "zero is not a time");
+        assert_eq!(decoder.newest, None, "zero is not a time");
         restamp(&mut bytes, Nanos(7_000_012_345));
         assert_eq!(decoded(&mut decoder, &bytes), [Event::Value(Code::Absolute(0), 1)]);
-        assert_eq!(decoder.newest(), Some(Nanos(7_000_012_000)));
+        assert_eq!(decoder.newest, Some(Nanos(7_000_012_000)));
     }
 
     proptest! {

@@ -83,20 +83,18 @@ pub fn reopen(last: &Path, is_played: bool, identity: &Identity) -> Option<Devic
 /// Description of a device for a list, in one line.
 pub fn line(found: &Found, profiles: &[Profile]) -> String {
     let path = found.path.display();
-    match &found.description {
-        Err(error) => error.to_string(),
-        Ok(device) => match known(device, profiles) {
-            Some(profile) => format!("{path}  {}: {}", device.identity, profile.name),
-            None => {
-                let axes =
-                    device.absolute.iter().map(|range| Code::Absolute(range.code).to_string());
-                let axes = axes.collect::<Vec<_>>().join(" ");
-                format!(
-                    "{path}  {}: unknown ({axes}); `i2ris teleop input learn {path} --output FILE` \
-                     creates a profile",
-                    device.identity
-                )
-            }
-        },
+    let device = match &found.description {
+        Ok(device) => device,
+        Err(error) => return error.to_string(),
+    };
+    if let Some(profile) = known(device, profiles) {
+        return format!("{path}  {}: {}", device.identity, profile.name);
     }
+    let axes = device.absolute.iter().map(|range| Code::Absolute(range.code).to_string());
+    let axes = axes.collect::<Vec<_>>().join(" ");
+    format!(
+        "{path}  {}: unknown ({axes}); `i2ris teleop input learn {path} --output FILE` creates a \
+         profile",
+        device.identity
+    )
 }

@@ -30,7 +30,8 @@ pub struct Snapshot {
 
 impl Snapshot {
     pub fn of(state: &mut DeviceState) -> Self {
-        let tapped = state.take_presses().into_iter().rfind(|key| !state.is_pressed(*key));
+        let presses = std::mem::take(&mut state.presses);
+        let tapped = presses.into_iter().rfind(|key| !state.is_pressed(*key));
         let (axes, keys) = (state.axes().collect(), state.pressed().collect());
         Self { axes, keys, tapped: tapped.map(Code::Key) }
     }

@@ -1,10 +1,8 @@
 //! Meaning of the axes and keys of a device, by its identity: numbers differ between drivers.
 
-use std::str::FromStr;
-
 use serde::{Deserialize, Serialize};
 
-use crate::identity::{Identity, ProductId};
+use crate::identity::{Identity, check_product_id};
 use crate::state::{Code, Description};
 
 /// The profiles that come with the software: `config/devices`.
@@ -100,15 +98,11 @@ pub struct SignedAxis {
     pub sign: f64,
 }
 
-impl FromStr for SignedAxis {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (sign, name) = text.strip_prefix('-').map_or((1.0, text), |name| (-1.0, name));
-        match name.parse()? {
-            Code::Key(_) => Err(format!("`{text}` is a key, an axis is needed")),
-            code => Ok(Self { code, sign }),
-        }
+fn signed_axis(text: &str) -> Result<SignedAxis, String> {
+    let (sign, name) = text.strip_prefix('-').map_or((1.0, text), |name| (-1.0, name));
+    match name.parse()? {
+        Code::Key(_) => Err(format!("`{text}` is a key, an axis is needed")),
+        code => Ok(SignedAxis { code, sign }),
     }
 }
 
@@ -134,9 +128,7 @@ impl Profile {
     /// Parses a profile. An error is one sentence with the valid form.
     pub fn parse(text: &str) -> Result<Self, String> {
         let profile: Self = toml::from_str(text).map_err(|error| error.to_string())?;
-        for id in &profile.devices {
-            id.parse::<ProductId>()?;
-        }
+        profile.devices.iter().try_for_each(|id| check_product_id(id))?;
         let is_patient = |ms: &u64| SILENCES_MS.contains(ms);
         let checks: [(_, _, &dyn std::fmt::Debug); 5] = [
             ("dead_zone", DEAD_ZONES.contains(&profile.dead_zone), &DEAD_ZONES),
@@ -158,7 +150,7 @@ impl Profile {
     }
 
     pub fn is_for(&self, identity: &Identity) -> bool {
-        self.devices.contains(&identity.product_id().to_string())
+        self.devices.contains(&identity.product_id())
     }
 
     /// Finds the controls in a device. An error names a control that the device lacks, or has but
@@ -188,7 +180,7 @@ impl Profile {
             }
         }
         let axis = |text: &str| {
-            let axis: SignedAxis = text.parse()?;
+            let axis = signed_axis(text)?;
             present(text, axis.code)?;
             if matches!(axis.code, Code::Relative(_)) && self.relative_range.is_none() {
                 return Err(format!(
@@ -237,7 +229,7 @@ mod tests {
         for profile in &profiles {
             for controls in [&profile.controls].into_iter().chain(&profile.left) {
                 for axis in controls.right.iter().chain(&controls.up) {
-                    axis.parse::<SignedAxis>().unwrap();
+                    signed_axis(axis).unwrap();
                 }
                 let keys = [&controls.dead_man, &controls.scale, &controls.mark];
                 for code in keys.into_iter().flatten().chain(&profile.unlike) {

@@ -118,8 +118,8 @@ pub struct Value {
 pub struct DeviceState {
     axes: BTreeMap<Code, Value>,
     pressed: BTreeSet<u16>,
-    /// Keys pressed since they were last taken.
-    presses: Vec<u16>,
+    /// Keys pressed since they were last taken, in sequence.
+    pub(crate) presses: Vec<u16>,
     /// Events were lost since this was last taken, also when all is known again.
     pub(crate) dropped: bool,
     pub(crate) last_event: Nanos,
@@ -180,11 +180,6 @@ impl DeviceState {
     pub fn pressed(&self) -> impl Iterator<Item = Code> {
         self.pressed.iter().map(|key| Code::Key(*key))
     }
-
-    /// The keys that were pressed since the last call, in sequence.
-    pub fn take_presses(&mut self) -> Vec<u16> {
-        std::mem::take(&mut self.presses)
-    }
 }
 
 #[cfg(test)]
@@ -206,7 +201,7 @@ mod tests {
             state.apply(Event::Value(Code::Key(30), value), Nanos(5));
         }
         state.apply(Event::Value(Code::Absolute(0), 7), Nanos(6));
-        assert_eq!((state.take_presses(), state.is_pressed(30)), (vec![30, 30], true));
+        assert_eq!((state.presses.clone(), state.is_pressed(30)), (vec![30, 30], true));
         state.apply(Event::Dropped, Nanos(7));
         assert_eq!((state.axis(Code::Absolute(0)), state.is_pressed(30)), (None, false));
     }

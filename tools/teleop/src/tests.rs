@@ -1,6 +1,8 @@
 //! The chain from device to clutch. Random faults, checked against the true state: a device that is
 //! silent, lost, replaced or repeats itself. Devices as published by others.
 
+use std::collections::BTreeMap;
+
 use i2ris::units::Nanos;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
@@ -213,11 +215,6 @@ fn simulated_snake_moves_without_faults() {
 
 /// Devices as published by others, against the shipped profiles. None of them was available here.
 #[derive(serde::Deserialize)]
-struct Captures {
-    capture: Vec<Capture>,
-}
-
-#[derive(serde::Deserialize)]
 struct Capture {
     source: String,
     refused: Option<String>,
@@ -231,9 +228,10 @@ pub(crate) fn profile(device: &Description) -> Option<Profile> {
 
 #[test]
 fn captured_devices_are_at_rest_or_refused_by_name() {
-    let captures: Captures = toml::from_str(include_str!("captures.toml")).unwrap();
-    assert_eq!(captures.capture.len(), 5);
-    for Capture { source, refused, rest, device } in captures.capture {
+    let captures: BTreeMap<String, Vec<Capture>> =
+        toml::from_str(include_str!("captures.toml")).unwrap();
+    assert_eq!(captures["capture"].len(), 5);
+    for Capture { source, refused, rest, device } in captures.into_values().flatten() {
         let profile = profile(&device).unwrap();
         for hand in [Handedness::Right, Handedness::Left] {
             let controls = profile.controls(&device, hand);
