@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use i2ris::model::Model;
 use i2ris_calibration::em::EmOptions;
-use i2ris_calibration::fit::family::Family;
+use i2ris_calibration::fit::Family;
 use i2ris_calibration::fit::flatness::{FlatSpot, flat_spot};
 use i2ris_calibration::fit::metrics::predictions;
 use i2ris_calibration::fit::split::HoldOut;

@@ -1,12 +1,11 @@
 //! The drift and its uncertainty.
 
 use i2ris::model::Model;
-use i2ris::units::MAX_MOTORS;
+use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
+use i2ris_report::statistics::median;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::least_squares::{Problem, Solution, solve};
-use super::regressors::{Point, points};
 use crate::recording::Recording;
 
 /// Prior standard deviations of a drift: zero in deg (mm), gain, gap.
@@ -203,4 +202,154 @@ pub(super) fn length(errors: impl ExactSizeIterator<Item = [f64; 3]>) -> f64 {
     let count = errors.len().max(1) as f64;
     let squares: f64 = errors.flatten().map(|error| error * error).sum();
     (squares / count).sqrt()
+}
+
+/// Relative growth of the gap for a slope.
+const WIDER: f64 = 0.1;
+
+/// A row with known memory, in the unit of the recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Point {
+    /// Index of the row.
+    pub row: usize,
+    /// Time, s, or the number of the row.
+    pub time_s: f64,
+    pub measured: [f64; MAX_OUTPUTS],
+    pub predicted: [f64; MAX_OUTPUTS],
+    /// Change of the prediction per growth of the gap of every motor.
+    pub slopes: [[f64; MAX_OUTPUTS]; MAX_MOTORS],
+}
+
+/// Rows with known memory. If it is never known, all rows: the memory then starts from the middle,
+/// as in the controller.
+pub(super) fn points(
+    model: &Model,
+    recording: &Recording,
+    scale: &[f64; MAX_MOTORS],
+) -> Vec<Point> {
+    let unit = recording.outputs()[0].unit.si();
+    let mut memory = model.new_memory();
+    let mut shadows = [model.new_memory(); MAX_MOTORS];
+    let (mut points, mut first_known, mut next) = (Vec::new(), None, 0);
+    for (index, row) in recording.rows().iter().enumerate() {
+        for (counts, time_s) in recording.steps(next..row.path_index + 1) {
+            memory.set_gap_scale(scale);
+            model.advance_over(&mut memory, counts, time_s);
+            for (motor, shadow) in shadows.iter_mut().enumerate() {
+                let mut wider = *scale;
+                wider[motor] += WIDER;
+                shadow.set_gap_scale(&wider);
+                model.advance_over(shadow, counts, time_s);
+            }
+        }
+        next = row.path_index + 1;
+        if first_known.is_none() && model.is_memory_known(&memory) {
+            first_known = Some(index);
+        }
+        let predicted = model.predict(&row.counts, &memory).mean;
+        let slope = |shadow| {
+            let wider = model.predict(&row.counts, shadow).mean;
+            std::array::from_fn(|output| (wider[output] - predicted[output]) / (WIDER * unit))
+        };
+        points.push(Point {
+            row: index,
+            time_s: row.time_s.unwrap_or(index as f64),
+            measured: row.outputs,
+            predicted: predicted.map(|value| value / unit),
+            slopes: shadows.each_ref().map(slope),
+        });
+    }
+    points.drain(..first_known.unwrap_or(0));
+    points
+}
+
+/// Rounds of weighting.
+const WEIGHTINGS: usize = 6;
+
+/// Residuals beyond this many deviations count less.
+const HUBER: f64 = 1.5;
+
+/// The median of the absolute value of a normal variable, in its deviations.
+const NORMAL_MEDIAN: f64 = 0.6745;
+
+/// Minimum share of independent rows: a rest that does not decay within a recording shows little of
+/// its end.
+const MIN_INDEPENDENT: f64 = 0.002;
+
+/// A linear problem: `target = features parameters + rest`.
+#[derive(Debug)]
+pub(super) struct Problem {
+    /// Rows of one output follow one another, in the order of time.
+    pub features: DMatrix<f64>,
+    pub target: DVector<f64>,
+    /// Rows of each output.
+    pub rows: usize,
+    /// Deviations of the parameters around 0.
+    pub prior: DVector<f64>,
+}
+
+/// Parameters with their covariance.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Solution {
+    pub parameters: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+    /// Share of the rows that count as independent.
+    pub independent: f64,
+}
+
+/// The fit. `None` if the equations cannot be solved: a number is not finite.
+pub(super) fn solve(problem: &Problem) -> Option<Solution> {
+    let Problem { features, target, .. } = problem;
+    let mut weights = DVector::from_element(target.len(), 1.0);
+    let mut solution: Option<Solution> = None;
+    for _ in 0..WEIGHTINGS {
+        let left = match &solution {
+            Some(solution) => target - features * &solution.parameters,
+            None => target.clone(),
+        };
+        let mut sizes: Vec<f64> = left.iter().map(|left| left.abs()).collect();
+        let deviation = (median(&mut sizes)? / NORMAL_MEDIAN).max(1e-6);
+        if solution.is_some() {
+            weights = left.map(|left| (HUBER * deviation / left.abs().max(1e-12)).min(1.0));
+        }
+        let independent = problem.independent(&left);
+        let precision = independent / (deviation * deviation);
+        let mut weighted = features.clone();
+        for (mut row, weight) in weighted.row_iter_mut().zip(weights.iter()) {
+            row *= *weight * precision;
+        }
+        let mut normal = weighted.tr_mul(features);
+        for (index, prior) in problem.prior.iter().enumerate() {
+            normal[(index, index)] += 1.0 / (prior * prior);
+        }
+        let inverse = normal.cholesky()?;
+        solution = Some(Solution {
+            parameters: inverse.solve(&weighted.tr_mul(target)),
+            covariance: inverse.inverse(),
+            independent,
+        });
+    }
+    solution.filter(|solution| solution.parameters.iter().all(|it| it.is_finite()))
+}
+
+impl Problem {
+    /// Share from the autocorrelation from row to row, of the output with the largest value.
+    fn independent(&self, left: &DVector<f64>) -> f64 {
+        let of_output = |rest: &[f64]| {
+            let a = autocorrelation(rest).max(0.0);
+            (1.0 - a) / (1.0 + a)
+        };
+        let outputs = left.as_slice().chunks(self.rows.max(1));
+        outputs.map(of_output).fold(1.0, f64::min).max(MIN_INDEPENDENT)
+    }
+}
+
+/// Correlation of values with the next ones; 0 if there are none.
+fn autocorrelation(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let about = |value: &f64| value - mean;
+    let pairs = values.iter().zip(values.iter().skip(1));
+    let cross: f64 = pairs.map(|(a, b)| about(a) * about(b)).sum();
+    let square: f64 = values.iter().map(|value| about(value).powi(2)).sum();
+    if square > 0.0 { cross / square } else { 0.0 }
 }

@@ -14,18 +14,11 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `regressors` | predictions and slopes along a recording |
-//! | `least_squares` | the robust fit with a prior |
-//! | `estimate` | the drift and its uncertainty |
-//! | `verdict` | whether it is time for a new calibration |
-//! | `refine` | a new model from a calibration and recordings in use |
+//! | `estimate` | the drift and its uncertainty, by a robust fit with a prior |
+//! | `refine` | whether it is time for a new calibration; a new model from recordings in use |
 
 mod estimate;
-mod least_squares;
 mod refine;
-mod regressors;
-mod verdict;
 
 pub use estimate::{DriftError, DriftEstimate, Value};
-pub use refine::{RefineError, Refined, refine};
-pub use verdict::Verdict;
+pub use refine::{RefineError, Refined, Verdict, refine};

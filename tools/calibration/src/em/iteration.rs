@@ -19,9 +19,9 @@
 
 use nalgebra::SMatrix;
 
-use super::component::{Component, Prepared};
 use super::pass::Pass;
-use super::samples::Samples;
+use super::pass::Samples;
+use super::pass::{Component, Prepared};
 
 /// Stopping rules, and the prior that keeps covariances from collapsing.
 #[derive(Debug, Clone)]

@@ -14,27 +14,17 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `error` | errors of the fit |
-//! | `mixture` | a fitted mixture; its criterion and number of parameters |
-//! | `samples` | the data, standardised, in blocks |
-//! | `component` | one Gaussian: as estimated, and prepared for its density |
-//! | `pass` | one pass over the data: responsibilities, likelihood, moments |
+//! | `pass` | standardised data and Gaussians; one pass: responsibilities, likelihood, moments |
 //! | `iteration` | iterations until convergence; the objective that never decreases |
 //! | `k_means` | k-means++ starts |
-//! | `restarts` | options; all starts, and the best of them |
+//! | `restarts` | options and errors; all starts, and the best of them |
 
-mod component;
-pub mod error;
-#[cfg(test)]
-mod golden;
 mod iteration;
 mod k_means;
-pub mod mixture;
 mod pass;
+mod restarts;
 #[cfg(test)]
-mod properties;
-pub mod restarts;
-mod samples;
+mod tests;
 
-pub use error::EmError;
-pub use restarts::{EmOptions, fit_mixture};
+pub(crate) use restarts::most_components;
+pub use restarts::{EmError, EmOptions, MixtureFit, fit_mixture};

@@ -4,10 +4,132 @@
 //! the EM algorithm", 1977; C. M. Bishop, "Pattern Recognition and Machine Learning", 2006, section
 //! 9.2.2.
 
-use nalgebra::{SMatrix, SVector};
+use std::f64::consts::PI;
 
-use super::component::{Component, Prepared};
-use super::samples::{BLOCK, Block, Samples};
+use nalgebra::{Cholesky, SMatrix, SVector};
+
+use crate::table::DataTable;
+
+/// Rows per block. A block of seven variables and one column of responsibilities stay in the
+/// first-level cache.
+pub(super) const BLOCK: usize = 64;
+
+/// Some rows, one array per variable. Rows at and beyond `used` are padding.
+#[derive(Debug, Clone)]
+pub(super) struct Block<const N: usize> {
+    pub columns: [[f64; BLOCK]; N],
+    pub used: usize,
+}
+
+/// Mean and standard deviation of each variable: `standardised = (value - mean) / deviation`.
+#[derive(Debug, Clone)]
+pub(super) struct Scaling<const N: usize> {
+    pub mean: SVector<f64, N>,
+    pub deviation: SVector<f64, N>,
+}
+
+impl<const N: usize> Scaling<N> {
+    /// A variable that never changes keeps its unit, so that nothing divides by 0.
+    fn new(data: &DataTable) -> Self {
+        let rows = data.len().max(1) as f64;
+        let mean = SVector::from_fn(|variable, _| data.column(variable).sum::<f64>() / rows);
+        let deviation = SVector::from_fn(|variable, _| {
+            let centre: f64 = mean[variable];
+            let squares = data.column(variable).map(|value| (value - centre).powi(2));
+            let variance = squares.sum::<f64>() / rows;
+            if variance > 0.0 { variance.sqrt() } else { 1.0 }
+        });
+        Self { mean, deviation }
+    }
+
+    /// Log-density of a row minus that of the standardised row: the log-Jacobian of the change of
+    /// variables.
+    pub fn log_jacobian(&self) -> f64 {
+        -self.deviation.iter().map(|deviation| deviation.ln()).sum::<f64>()
+    }
+}
+
+/// Standardised data.
+#[derive(Debug, Clone)]
+pub(super) struct Samples<const N: usize> {
+    pub blocks: Vec<Block<N>>,
+    pub rows: usize,
+    pub scaling: Scaling<N>,
+}
+
+impl<const N: usize> Samples<N> {
+    /// Standardises rows of `N` numbers.
+    pub fn new(data: &DataTable) -> Self {
+        let scaling = Scaling::new(data);
+        let mut samples = Self { blocks: Vec::new(), rows: data.len(), scaling: scaling.clone() };
+        for (number, row) in data.rows().enumerate() {
+            let place = number % BLOCK;
+            if place == 0 {
+                samples.blocks.push(Block { columns: [[0.0; BLOCK]; N], used: 0 });
+            }
+            let standard =
+                (SVector::from_fn(|v, _| row[v]) - scaling.mean).component_div(&scaling.deviation);
+            if let Some(block) = samples.blocks.last_mut() {
+                block.used = place + 1;
+                for (column, value) in block.columns.iter_mut().zip(standard.iter()) {
+                    column[place] = *value;
+                }
+            }
+        }
+        samples
+    }
+
+    /// The rows one by one, standardised.
+    pub fn points(&self) -> impl Iterator<Item = SVector<f64, N>> + '_ {
+        self.blocks.iter().flat_map(|block| {
+            (0..block.used)
+                .map(move |place| SVector::from_fn(|variable, _| block.columns[variable][place]))
+        })
+    }
+}
+
+/// Weight, mean and covariance, in standardised variables.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Component<const N: usize> {
+    pub weight: f64,
+    pub mean: SVector<f64, N>,
+    pub covariance: SMatrix<f64, N, N>,
+}
+
+/// Precomputed terms of the density, once per iteration.
+#[derive(Debug, Clone)]
+pub(super) struct Prepared<const N: usize> {
+    pub mean: [f64; N],
+    /// Rows of the inverse of the lower Cholesky factor of the covariance: it turns a difference
+    /// from the mean into independent variables of variance 1, without a division.
+    pub whitening: [[f64; N]; N],
+    /// Logarithm of weight and normalisation: `ln pi_k - (N ln(2 pi) + ln |covariance|) / 2`.
+    pub constant: f64,
+}
+
+impl<const N: usize> Prepared<N> {
+    /// `None` when the covariance is not positive definite or anything is not finite.
+    pub fn new(component: &Component<N>) -> Option<Self> {
+        let factor = Cholesky::new(component.covariance)?.unpack();
+        let whitening = factor.solve_lower_triangular(&SMatrix::<f64, N, N>::identity())?;
+        let log_determinant = 2.0 * factor.diagonal().iter().map(|d| d.ln()).sum::<f64>();
+        let constant = component.weight.ln() - 0.5 * (N as f64 * (2.0 * PI).ln() + log_determinant);
+        let mut numbers = component.mean.iter().chain(whitening.iter());
+        let finite = constant.is_finite() && numbers.all(|v| v.is_finite());
+        let row = |row| std::array::from_fn(|column| whitening[(row, column)]);
+        finite.then(|| Self {
+            mean: component.mean.into(),
+            whitening: std::array::from_fn(row),
+            constant,
+        })
+    }
+
+    /// `trace(covariance^-1 shape)`.
+    pub fn trace_against(&self, shape: &SMatrix<f64, N, N>) -> f64 {
+        let whitening = SMatrix::<f64, N, N>::from_fn(|row, column| self.whitening[row][column]);
+        (whitening * shape * whitening.transpose()).trace()
+    }
+}
 
 /// Independent running sums per moment: the processor adds them side by side, and their order is
 /// fixed.
@@ -170,4 +292,56 @@ fn normalise(joint: &mut [[f64; BLOCK]], used: usize) -> f64 {
     }
     let rows = highest.iter().zip(&sum).take(used);
     rows.map(|(high, sum)| high + sum.ln()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix2, Vector2};
+
+    use super::*;
+    use crate::testing::assert_near;
+
+    #[test]
+    fn every_variable_gets_mean_0_and_variance_1() {
+        let row = |i: u32| [f64::from(i), 7.0 - 2.0 * f64::from(i * i)];
+        let samples = Samples::<2>::new(&DataTable::from_rows(2, (0..150).map(row)));
+        let points: Vec<_> = samples.points().collect();
+        assert_eq!((points.len(), samples.blocks.len(), samples.blocks[2].used), (150, 3, 22));
+        let mean = points.iter().sum::<SVector<f64, 2>>() / 150.0;
+        assert!(mean.norm() < 1e-12);
+        for variable in 0..2 {
+            let square = |point: &SVector<f64, 2>| point[variable] * point[variable];
+            assert_near(points.iter().map(square).sum::<f64>() / 150.0, 1.0, 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_variable_that_never_changes_stays_finite() {
+        let samples =
+            Samples::<2>::new(&DataTable::from_rows(2, (0..9).map(|i| [f64::from(i), 5.0])));
+        let mut points = samples.points();
+        assert!(points.all(|point| point.iter().all(|value| value.is_finite())));
+    }
+
+    #[test]
+    fn the_whitening_inverts_the_covariance() {
+        let covariance = Matrix2::new(4.0, 1.0, 1.0, 9.0);
+        let prepared =
+            Prepared::new(&Component { weight: 0.5, mean: Vector2::zeros(), covariance }).unwrap();
+        let w = Matrix2::from_fn(|row, column| prepared.whitening[row][column]);
+        assert!((w.transpose() * w * covariance - Matrix2::identity()).norm() < 1e-14);
+        assert!((prepared.trace_against(&covariance) - 2.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_mixture_without_a_density_is_refused() {
+        let prepared =
+            |weight, mean, covariance| Prepared::new(&Component { weight, mean, covariance });
+        let (origin, round) = (Vector2::zeros(), Matrix2::identity());
+        assert!(prepared(1.0, origin, round).is_some());
+        assert!(prepared(1.0, origin, Matrix2::new(1.0, 1.0, 1.0, 1.0)).is_none());
+        assert!(prepared(1.0, origin, round * f64::NAN).is_none());
+        assert!(prepared(0.0, origin, round).is_none());
+        assert!(prepared(1.0, Vector2::new(f64::INFINITY, 0.0), round).is_none());
+    }
 }

@@ -14,8 +14,8 @@ use i2ris::units::MotorVec;
 use nalgebra::DMatrix;
 
 use super::operator_trace::{TracePoint, feature_matrix, shape_features};
-use crate::em::error::EmError;
-use crate::em::restarts::EmOptions;
+use crate::em::EmError;
+use crate::em::EmOptions;
 use crate::progress::Progress;
 use crate::regression::component_choice::choose_components;
 use crate::regression::mixture::{RegressionData, residuals};

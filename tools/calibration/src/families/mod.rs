@@ -5,11 +5,9 @@
 //! | `operator_trace` | hysteresis operators along the path of a series |
 //! | `chain` | regression and residual after a hysteresis operator |
 //! | `force_balance` | force balance of gear, wires, spring and friction |
-//! | `play_mechanism` | mechanism properties derived from plays |
 //! | `play` | play operators |
 
 pub mod chain;
 pub mod force_balance;
 pub mod operator_trace;
 pub mod play;
-pub mod play_mechanism;

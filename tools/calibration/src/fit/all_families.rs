@@ -7,13 +7,13 @@ use i2ris::model::{Hull, Model};
 
 use super::choice::{Score, best, scores};
 use super::earlier::{self, take_better, try_shipped};
-use super::error::{FitError, refused};
-use super::evidence::{Evidence, judged_rows, known_from};
-use super::family::{Choice, Family};
+use super::metrics::{Evidence, judged_rows, known_from};
 use super::model_file::{FileContext, constant_covariance};
 use super::one_family::FamilyFitter;
 use super::options::FitOptions;
+use super::options::{Choice, Family};
 use super::outcome::{FamilyOutcome, FitOutcome, FitReport};
+use super::outcome::{FitError, refused};
 use super::split::{HoldOut, Split};
 use crate::families::force_balance::search::Start;
 use crate::progress::{Progress, Silent};

@@ -24,9 +24,9 @@ use i2ris::model::file::OutputUnit;
 use i2ris::model::{ExaminationPath, Model, Query};
 use i2ris::units::OutputVec;
 
-use super::evidence::{Evidence, block_errors, rms};
-use super::family::Family;
 use super::metrics::predictions;
+use super::metrics::{Evidence, block_errors, rms};
+use super::options::Family;
 use crate::{parallel, series};
 
 /// A family is credible, and a plant, if its error on the rows held out is at most so many times

@@ -7,12 +7,12 @@
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::model::hysteresis::force_balance::BalanceParameters;
 
-use super::error::FitError;
-use super::evidence::{Evidence, block_errors, rms};
-use super::family::{Choice, Family};
 use super::metrics::predictions;
+use super::metrics::{Evidence, block_errors, rms};
 use super::one_family::FamilyFitter;
+use super::options::{Choice, Family};
 use super::outcome::FamilyOutcome;
+use super::outcome::FitError;
 use crate::families::force_balance::judge::{SURE, is_better};
 use crate::families::force_balance::search::{SHIPPED_STARTS, Start};
 use crate::recording::Recording;

@@ -9,8 +9,8 @@
 use i2ris::model::file::FamilyParameters;
 
 use super::all_families::balance_of;
-use super::evidence::{block_errors, known_from};
 use super::metrics::predictions;
+use super::metrics::{block_errors, known_from};
 use super::split::{HoldOut, Split};
 use crate::families::force_balance::search::{Start, fit_force_balance};
 use crate::progress::Silent;

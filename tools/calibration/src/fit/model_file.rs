@@ -9,7 +9,7 @@ use i2ris::robot::DriveFingerprint;
 use i2ris::units::MAX_OUTPUTS;
 use i2ris_report::statistics::min_max;
 
-use super::evidence::known_from;
+use super::metrics::known_from;
 use super::metrics::{metrics, predictions};
 use super::slow_error::slow_error;
 use super::split::Split;

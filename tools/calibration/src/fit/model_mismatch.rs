@@ -11,9 +11,9 @@ use std::fmt::{self, Display, Formatter};
 use i2ris::model::file::OutputUnit;
 
 use super::choice::{Score, held_out_error};
-use super::family::Family;
 use super::metrics::{along, clipped_rows};
 use super::one_family::MIN_NRMSD;
+use super::options::Family;
 use super::outcome::FitOutcome;
 use crate::quality::residual_pattern::Unexplained;
 use crate::recording::Recording;

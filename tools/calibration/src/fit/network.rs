@@ -3,20 +3,19 @@
 //! The recording provides what the file of a network lacks: the hull, the straight line beyond a
 //! step, the deviation on the held-out rows, and the motion after which it forgets the past.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use i2ris::file_permissions::MAX_MODEL_BYTES;
 use i2ris::model::file::{FamilyParameters, OutputSpec};
 use i2ris::model::network::NetworkParameters;
-use i2ris::model::{Memory, Model};
+use i2ris::model::{Memory, Model, ModelError};
 use i2ris::units::MotorVec;
 use serde::{Deserialize, Serialize};
 
 use super::all_families::{Training, training};
-use super::error::FitError;
 use super::model_file::Fitted;
-use super::network_error::NetworkError;
 use super::options::FitOptions;
+use super::outcome::FitError;
 use crate::recording::Recording;
 use crate::regression::linear::LinearFit;
 
@@ -189,5 +188,193 @@ fn forgets(model: &Model) -> Vec<f64> {
     reach.iter().take(model.motors()).map(|reach| 2.0 * part * reach).collect()
 }
 
+/// Why a network is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum NetworkError {
+    /// The file could not be read.
+    #[error("cannot read network {path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The error of the operating system.
+        source: std::io::Error,
+    },
+    /// Longer than any supported network.
+    #[error("network {path} has {megabytes} MB; at most {} MB are read", MAX_MODEL_BYTES >> 20)]
+    TooLong {
+        /// The file.
+        path: PathBuf,
+        /// Its length.
+        megabytes: u64,
+    },
+    /// Not a network, or with unknown layers.
+    #[error("network {path}: {source}")]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// Kind and place of the error.
+        source: serde_json::Error,
+    },
+    /// Another format or version.
+    #[error(
+        "is not a network of this version: `{found}`; write it with i2ris.model.from_torch or \
+         from_onnx"
+    )]
+    Format {
+        /// Format and version.
+        found: String,
+    },
+    /// Another direction, or other columns.
+    #[error(
+        "the network goes from {found}, and the recording from {wanted}: train it on those \
+         columns, in that order, from counts to angles in degrees"
+    )]
+    Columns {
+        /// Columns of the network.
+        found: String,
+        /// Columns of the recording.
+        wanted: String,
+    },
+    /// The recording is too short.
+    #[error(
+        "the recording is {steps} steps of {step_counts} counts long, and the network looks at \
+         {least}; record more, or train it on a shorter window"
+    )]
+    Window {
+        /// Length of the recording.
+        steps: usize,
+        /// Travel of a step.
+        step_counts: f64,
+        /// Window of the network.
+        least: usize,
+    },
+    /// The network does not match the recording.
+    #[error(
+        "on the held-out rows the error of the network is {error:.3}, that of a straight line \
+         {straight:.3}: it was trained on another robot, in other units, or with other steps"
+    )]
+    WorseThanLinear {
+        /// RMS, in units of the outputs.
+        error: f64,
+        /// RMS of the straight line.
+        straight: f64,
+    },
+    /// The controller would refuse it.
+    #[error("the network {0}")]
+    Refused(ModelError),
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use i2ris::model::network::{Activation, Layer};
+
+    use super::*;
+    use crate::testing::{assert_contains, degrees, noise, recording, straight, wander};
+
+    /// A snake that bends less and less, with noise of 0.05 deg.
+    fn bent(rows: usize) -> Recording {
+        let mut random = noise(1);
+        recording(rows, |time| {
+            let bend = |angle: f64| 12.0 * (angle / 12.0).tanh() + 0.05 * random();
+            (wander(time), straight(wander(time)).map(bend))
+        })
+    }
+
+    /// A network that represents that snake exactly.
+    fn exact() -> NetworkFile {
+        let weight = vec![vec![20.0 / 12.0, -15.0 / 12.0], vec![15.0 / 12.0, 20.0 / 12.0]];
+        let bias = vec![2.0 / 12.0, -5.0 / 12.0];
+        NetworkFile {
+            format: NETWORK_FORMAT.to_owned(),
+            version: 1,
+            inputs: vec!["q0_counts".to_owned(), "q1_counts".to_owned()],
+            outputs: ["pitch", "yaw"].map(degrees).into(),
+            network: NetworkParameters {
+                step_counts: 10.0,
+                input_centre: vec![0.0; 2],
+                input_scale: vec![0.001; 2],
+                layers: vec![Layer::Dense { weight, bias, activation: Activation::Tanh }],
+                output_gain: vec![vec![12.0, 0.0], vec![0.0, 12.0]],
+                output_offset: vec![0.0; 2],
+                skip_gain: Vec::new(),
+            },
+        }
+    }
+
+    #[track_caller]
+    fn refused(change: impl FnOnce(&mut NetworkFile), rows: usize, parts: &[&str]) {
+        let mut file = exact();
+        change(&mut file);
+        let error = import(&file, &bent(rows), &FitOptions::default()).unwrap_err().to_string();
+        assert!(!error.contains('\n'), "{error}");
+        assert_contains(&error, parts);
+    }
+
+    #[test]
+    fn a_network_becomes_a_model_with_hull_deviation_and_range() {
+        let recording = bent(1500);
+        let model = import(&exact(), &recording, &FitOptions::default()).unwrap();
+        let deviation = model.predict(&[0.0; 2], &model.new_memory()).deviation();
+        let noise = 0.05_f64.to_radians();
+        assert!(deviation.iter().take(2).all(|found| (0.8..1.2).contains(&(found / noise))));
+        let file = model.file();
+        assert!(
+            file.metrics.iter().all(|metrics| metrics.held_out.is_some_and(|it| it.rmsd < 0.07))
+        );
+        let FamilyParameters::Network { memory_counts, .. } = &file.family else { panic!() };
+        // It has no memory: the smallest tested range is enough.
+        let widths = [0, 1].map(|motor: usize| {
+            let corners = || model.hull().corners().map(|corner| corner[motor]);
+            corners().fold(f64::MIN, f64::max) - corners().fold(f64::MAX, f64::min)
+        });
+        assert!(memory_counts.iter().zip(widths).all(|(range, width)| *range < 0.15 * width));
+        assert!(file.training.linear_gain.is_some() && file.training.rows > 1000);
+    }
+
+    #[test]
+    fn wrong_columns_units_and_directions_are_refused() {
+        let reverse = |file: &mut NetworkFile| {
+            file.inputs = ["pitch_deg", "yaw_deg"].map(str::to_owned).into();
+        };
+        refused(reverse, 300, &["from pitch_deg, yaw_deg", "from counts to angles in degrees"]);
+        refused(|file| file.outputs.swap(0, 1), 300, &["to yaw_deg, pitch_deg"]);
+        refused(
+            |file| file.version = 2,
+            300,
+            &["not a network of this version: `i2ris-network 2`"],
+        );
+        let radians = |file: &mut NetworkFile| {
+            for gain in file.network.output_gain.iter_mut().flatten() {
+                *gain = gain.to_radians();
+            }
+        };
+        refused(radians, 1500, &["unusable"]);
+    }
+
+    #[test]
+    fn too_long_windows_and_foreign_networks_are_refused() {
+        let window = |file: &mut NetworkFile| {
+            let taps = vec![vec![vec![0.01; 2]; 2]; 2];
+            let bias = vec![0.0; 2];
+            let conv = Layer::Conv { taps, bias, dilation: 60, activation: Activation::None };
+            file.network.layers.insert(0, conv);
+            file.network.step_counts = 1000.0;
+        };
+        refused(window, 300, &["looks at 60", "record more"]);
+        let other = |file: &mut NetworkFile| file.network.output_offset = vec![4.0, 0.0];
+        refused(other, 1500, &["that of a straight line", "another robot"]);
+    }
+
+    #[test]
+    fn huge_files_and_unknown_layers_are_refused() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        file.as_file().set_len(1 << 30).unwrap();
+        let error = NetworkFile::read(file.path()).unwrap_err();
+        assert_contains(&error, &["has 1024 MB", "at most 64 MB"]);
+        let text = serde_json::to_string(&exact()).unwrap();
+        std::fs::write(file.path(), text.replace("\"dense\"", "\"attention\"")).unwrap();
+        let error = NetworkFile::read(file.path()).unwrap_err();
+        assert_contains(&error, &["unknown variant `attention`", "`conv`"]);
+        assert_contains(&NetworkFile::read(Path::new("none.json")).unwrap_err(), &["none.json"]);
+    }
+}

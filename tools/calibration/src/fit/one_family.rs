@@ -7,13 +7,13 @@ use std::time::Instant;
 use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, Mixture, OutputMetrics};
 
-use super::error::{FitError, refused};
-use super::family::Family;
 use super::flatness::flat_spot;
 use super::model_file::{FileContext, Fitted};
+use super::options::Family;
 use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, Mechanism};
-use crate::em::error::EmError;
+use super::outcome::{FitError, refused};
+use crate::em::EmError;
 use crate::families::chain::ChainOptions;
 use crate::families::force_balance::search::{Start, fit_force_balance};
 use crate::families::play::play_fit::{PlayFit, fit_play};

@@ -4,10 +4,10 @@ use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, Mixture};
 
 use super::all_families::fit;
-use super::error::FitError;
-use super::family::{Choice, Family};
 use super::metrics::{clipped_rows, predictions};
+use super::options::{Choice, Family};
 use super::options::{Components, FitOptions};
+use super::outcome::FitError;
 use super::outcome::FitOutcome;
 use super::split::HoldOut;
 use crate::em::EmOptions;

@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 use std::fmt;
 
-use super::circulation::{circles, turns};
+use super::cycle::{circles, turns};
 use crate::series::Series;
 use i2ris::units::MotorVec;
 use i2ris_report::statistics::min_max;

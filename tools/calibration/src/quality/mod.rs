@@ -2,25 +2,21 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `noise` | noise of the measurement |
-//! | `spike` | single wrong readings |
+//! | `noise` | noise of the measurement, and single wrong readings |
 //! | `identifiability` | whether the motion can show hysteresis |
-//! | `circulation` | motion of two motors around a closed curve |
-//! | `cycle` | the cycles of a repeating motion |
+//! | `cycle` | the cycles of a repeating motion, also around a closed curve |
 //! | [`latency`] | latency of the outputs' stamps |
 //! | `latency_features` | hysteresis without time, for the latency |
 //! | `latency_shift` | a recording with corrected stamps |
 //! | [`residual_pattern`] | model errors beyond noise, and their patterns |
 
-mod circulation;
-pub mod cycle;
+pub(crate) mod cycle;
 mod identifiability;
 pub mod latency;
 mod latency_features;
 mod latency_shift;
 mod noise;
 pub mod residual_pattern;
-mod spike;
 
 use i2ris::model::file::OutputUnit;
 
@@ -31,12 +27,10 @@ use crate::table::DataTable;
 
 pub use identifiability::Finding;
 pub(crate) use identifiability::limits_of_path;
-pub use noise::{NoiseFloor, NoiseMethod};
-pub use spike::{Spike, SpikeOptions};
+pub use noise::{NoiseFloor, NoiseMethod, Spike, SpikeOptions};
 
 use latency::Latency;
-use noise::noise_floor;
-use spike::spikes;
+use noise::{noise_floor, spikes};
 
 /// With less independent motion than this part, the effects of two motors are hard to separate.
 const HARDLY_SEPARABLE: f64 = 0.1;

@@ -3,40 +3,28 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `rows` | a recording in memory |
+//! | `rows` | a recording in memory, read from a table, and written row by row |
 //! | `columns` | the meaning of each column |
 //! | `sheet` | from bytes to cells: separators, comments, headers, truncated ends |
-//! | `cell` | a number, a time, or nothing |
 //! | `table` | from cells to rows of numbers |
-//! | `check` | requirements on tables |
-//! | `steps` | counters that wrap, and single wrong counts |
+//! | `check` | requirements on tables; counters that wrap, and single wrong counts |
 //! | `plausible` | rows that no motor and no sensor makes |
-//! | `read` | a recording of a table |
-//! | `write` | the common format, written row by row |
 //! | `error` | errors of a file: problem, place and remedy |
 
-mod cell;
 mod check;
 mod columns;
 mod error;
-#[cfg(test)]
-mod nonsense;
 mod plausible;
-mod read;
 mod rows;
 mod sheet;
-mod steps;
 mod table;
 #[cfg(test)]
 mod tests;
-mod write;
 
-pub use cell::seconds;
 pub use columns::{
     ColumnMap, OutputColumn, ParseColumnError, TimeColumn, Wanted, column_of, pitch_and_yaw,
 };
 pub use error::RecordingError;
-pub use read::{DroppedRow, ReadReport};
-pub use rows::{MIN_ROWS, PathPoint, Recording, Row};
+pub use rows::{DroppedRow, MIN_ROWS, PathPoint, ReadReport, Recording, RecordingWriter, Row};
+pub use sheet::seconds;
 pub use table::{Rows, read_rows};
-pub use write::RecordingWriter;

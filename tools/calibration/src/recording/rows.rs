@@ -1,11 +1,18 @@
 //! A recording in memory.
 
 use std::fmt::Write as _;
+use std::io::{self, Write};
 use std::ops::Range;
+use std::path::Path;
 
 use i2ris::model::file::OutputSpec;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
+use serde::Serialize;
 use sha2::{Digest, Sha256};
+
+use super::columns::{Column, ColumnMap, Wanted, column_of};
+use super::error::{Problem, RecordingError};
+use super::table::{ReadRow, Table};
 
 /// Minimum number of rows of a recording: fewer contain no motion.
 pub const MIN_ROWS: usize = 20;
@@ -161,4 +168,140 @@ pub(super) fn hash(bytes: &[u8]) -> String {
         let _ = write!(text, "{byte:02x}");
     }
     text
+}
+
+/// Read and skipped parts of a file.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct ReadReport {
+    /// Rows of the file, without the header.
+    pub rows: usize,
+    /// Rows with counts but no outputs at all: positions of the path only.
+    pub positions: usize,
+    /// Rows with some cells empty, which give no sample.
+    pub dropped: Vec<DroppedRow>,
+    /// The column of the time stamps, if any.
+    pub time_column: Option<String>,
+    /// The column of each motor.
+    pub counts_columns: Vec<String>,
+    /// The column of each output.
+    pub output_columns: Vec<String>,
+    /// Other skipped parts, and unusual findings.
+    pub notes: Vec<String>,
+}
+
+/// A row that was left out.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct DroppedRow {
+    /// Line in the file.
+    pub line: u64,
+    /// The first column whose cell is empty.
+    pub column: String,
+}
+
+impl Recording {
+    /// Reads and checks a CSV file with a header. Rows with an empty cell in a column in use are
+    /// left out and reported. Fails if a column is missing, or a value in it is wrong.
+    pub fn read(path: &Path, columns: &ColumnMap) -> Result<(Self, ReadReport), RecordingError> {
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        let wanted = Wanted::recording();
+        let (mut table, bytes) = Table::read(path, columns, &wanted)?;
+        table.columns_are_filled()?;
+        let complete = table.rows.iter().filter(|row| row.empty.is_none()).count();
+        if complete < MIN_ROWS {
+            return Err(table.error(Problem::TooFewRows { rows: complete, least: MIN_ROWS }));
+        }
+        table.check()?;
+        table.check_plausible()?;
+        let layout = &table.layout;
+        if columns.options && !layout.left_out.is_empty() {
+            let left_out = layout.left_out.join(",");
+            table.notes.push(format!(
+                "all outputs of a model have one unit; this one omits {left_out}; a second \
+                 one can use them: `i2ris calibrate fit {name} --angles {left_out} --output FILE`",
+                name = path.display()
+            ));
+        }
+        let mut recording = Self {
+            name: name.to_string_lossy().into_owned(),
+            sha256: hash(&bytes),
+            motors: layout.counts.len(),
+            outputs: layout.outputs.iter().map(|(_, output)| output.clone()).collect(),
+            path: Vec::new(),
+            rows: Vec::with_capacity(complete),
+        };
+        // Entries beyond the outputs are 0.
+        let measured = layout.outputs.len();
+        let (mut positions, mut dropped) = (0, Vec::new());
+        for row in &table.rows {
+            let ReadRow { line, time_s, counts, outputs, .. } = *row;
+            let path_index = recording.path.len();
+            if row.located {
+                recording.path.push(PathPoint { line, time_s, counts });
+            }
+            match &row.empty {
+                None => recording.rows.push(Row { line, time_s, counts, outputs, path_index }),
+                Some(_) if row.located && outputs[..measured].iter().all(|it| it.is_nan()) => {
+                    positions += 1
+                }
+                Some(column) => dropped.push(DroppedRow { line, column: column.clone() }),
+            }
+        }
+        table.columns_change(columns.still)?;
+        let names = |columns: &mut dyn Iterator<Item = &Column>| {
+            columns.map(|column| column.name.clone()).collect()
+        };
+        let report = ReadReport {
+            rows: table.rows.len(),
+            positions,
+            dropped,
+            time_column: layout.time.as_ref().map(|column| column.name.clone()),
+            counts_columns: names(&mut layout.counts.iter()),
+            output_columns: names(&mut layout.outputs.iter().map(|(column, _)| column)),
+            notes: table.notes,
+        };
+        Ok((recording, report))
+    }
+}
+
+/// Writes a recording in the common format: `t_s` (if timed), `q0_counts`, ..., then `NAME_deg` or
+/// `NAME_mm` per output. Numbers are read back bit by bit. Every row goes to the writer at once, so
+/// that an interrupted recording keeps its rows.
+#[derive(Debug)]
+pub struct RecordingWriter<W: Write> {
+    to: W,
+    timed: bool,
+    motors: usize,
+    outputs: usize,
+}
+
+impl<W: Write> RecordingWriter<W> {
+    /// Begins a recording with its header.
+    pub fn new(mut to: W, timed: bool, motors: usize, outputs: &[OutputSpec]) -> io::Result<Self> {
+        let time = timed.then(|| "t_s".to_owned());
+        let counts = (0..motors).map(|motor| format!("q{motor}_counts"));
+        let angles = outputs.iter().map(column_of);
+        let header: Vec<String> = time.into_iter().chain(counts).chain(angles).collect();
+        writeln!(to, "{}", header.join(","))?;
+        Ok(Self { to, timed, motors, outputs: outputs.len() })
+    }
+
+    /// Writes a row; its `line` does not matter. A missing time in a timed recording, or a number
+    /// that is not finite, leaves its cell empty.
+    pub fn row(&mut self, row: &Row) -> io::Result<()> {
+        let time = self.timed.then(|| row.time_s.unwrap_or(f64::NAN));
+        let counts = row.counts.iter().take(self.motors);
+        let outputs = row.outputs.iter().take(self.outputs);
+        let cell = |number: &f64| match number.is_finite() {
+            true => number.to_string(),
+            false => String::new(),
+        };
+        let cells: Vec<String> = time.iter().chain(counts).chain(outputs).map(cell).collect();
+        writeln!(self.to, "{}", cells.join(","))
+    }
+
+    /// Ends the recording.
+    pub fn finish(mut self) -> io::Result<W> {
+        self.to.flush()?;
+        Ok(self.to)
+    }
 }

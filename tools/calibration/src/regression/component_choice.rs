@@ -12,7 +12,7 @@ use i2ris::units::{MotorVec, OutputVec};
 
 use super::linear::{LinearFit, fit_linear};
 use super::mixture::RegressionData;
-use crate::em::restarts::EmOptions;
+use crate::em::EmOptions;
 use crate::parallel;
 use crate::progress::{Progress, Silent};
 use crate::series::blocks;

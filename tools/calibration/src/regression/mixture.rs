@@ -16,9 +16,9 @@ use i2ris_report::statistics::min_max;
 use nalgebra::DMatrix;
 
 use super::linear::fit_linear;
-use crate::em::error::EmError;
-use crate::em::mixture::{MixtureFit, most_components};
-use crate::em::restarts::{EmOptions, fit_mixture};
+use crate::em::EmError;
+use crate::em::{EmOptions, fit_mixture};
+use crate::em::{MixtureFit, most_components};
 use crate::progress::Progress;
 use crate::table::DataTable;
 

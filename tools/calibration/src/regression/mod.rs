@@ -5,7 +5,6 @@
 //! | `linear` | affine least squares |
 //! | `ridge` | ridge regression, its penalty chosen on blocks left out |
 //! | [`nnls`] | least squares with non-negative unknowns |
-//! | `polynomial` | a smooth substitute for a mixture regression |
 //! | `mixture` | mixtures of all motors or one per motor, and their smoothing |
 //! | `component_choice` | the number of components, by the inverse on blocks left out |
 
@@ -13,5 +12,4 @@ pub(crate) mod component_choice;
 pub mod linear;
 pub(crate) mod mixture;
 pub mod nnls;
-pub(crate) mod polynomial;
 pub(crate) mod ridge;

@@ -1,8 +1,14 @@
-//! Facts of a calibration: names and values.
+//! Facts of a calibration, and reasons of the choice: a sentence, and the scores of all families.
 
 use std::iter;
 
-use super::fit::{CalibrationReport, OutputFacts};
+use i2ris::model::file::OutputUnit;
+use i2ris_report::number::fixed;
+use i2ris_report::{Document, Table};
+
+use super::fit::{CalibrationReport, ChoiceScore, OutputFacts};
+use crate::fit::choice::{Score, untried};
+use crate::fit::{Family, FitOutcome};
 use crate::quality::NoiseFloor;
 
 /// Number of recording lines that are listed before the rest is only counted.
@@ -139,5 +145,158 @@ fn list(lines: impl ExactSizeIterator<Item = String>) -> String {
     match count {
         0 => String::new(),
         _ => format!(":\nline {}{more}", joined(lines.take(NAMED))),
+    }
+}
+
+/// Relative distance to the chosen family's score within which another family would be as good on
+/// another recording.
+const NEAR: f64 = 0.1;
+
+/// A cell without a value.
+pub(super) const NONE: &str = "–";
+
+pub(super) fn write_choice(page: &mut Document, data: &CalibrationReport) {
+    let scores = &data.choice;
+    let unit = data.unit();
+    let Some(explanation) = explanation(scores, unit) else {
+        return;
+    };
+    page.paragraph(explanation);
+    let [held_out, tracking, score] =
+        ["held out", "tracking", "score"].map(|name| format!("{name} ({unit})"));
+    let header = ["family", &held_out, &tracking, "worst on", &score, "travel"];
+    let caption = "The choice: RMS length of the error on the held-out rows; RMS length of the \
+                   tracking error when the inverse of the family moves the other families as \
+                   robots, and the family with the largest error; the score is the root of the sum \
+                   of squares of both; travel of the motors in these trials, relative to linear. \
+                   Between families within one standard error of the best on the held-out rows, \
+                   the tracking error on other robots than these decides. A \
+                   family whose error on the held-out rows is far above the minimum, or that no \
+                   other can follow, is not used as a robot.";
+    let mut table = Table::new(caption, header);
+    for score in scores {
+        let none = || NONE.to_owned();
+        let (worst, name) = match &score.tracking {
+            Some((error, name)) => (fixed(*error, 3), name.clone()),
+            None => (none(), none()),
+        };
+        let travel = if score.tracking.is_some() { fixed(score.travel, 2) } else { none() };
+        let [held_out, total] = [score.held_out, score.total].map(|error| fixed(error, 3));
+        let row = table.row([score.family.clone(), held_out, worst, name, total, travel]);
+        (row.strong, row.rule) = (score.chosen, true);
+    }
+    page.table(table);
+}
+
+/// Reason of the choice, and its certainty; `None` if no family was chosen.
+pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> {
+    let chosen = scores.iter().find(|score| score.chosen)?;
+    let family = &chosen.family;
+    let others = scores.iter().filter(|score| !score.chosen);
+    let Some(next) = others.min_by(|a, b| a.beside.0.total_cmp(&b.beside.0)) else {
+        return Some(format!("{family} is the only family that could be fitted."));
+    };
+    let (worse, error) = next.beside;
+    let percent = |part: f64| fixed(100.0 * (part.exp() - 1.0).abs(), 0);
+    let (other, side) = (&next.family, if worse < 0.0 { "below" } else { "above" });
+    let is_balance = *family == Family::ForceBalance.to_string();
+    let sure = match worse {
+        worse if worse < 0.0 && chosen.hides_plane => {
+            "but only linear and force-balance hold between the axes of this recording"
+        }
+        worse if worse < 0.0 && is_balance => "so little that the force balance was chosen",
+        worse if worse < 0.0 => "so little that the simpler family was chosen",
+        worse if worse < error.max(NEAR) => "so close that another recording may reverse the order",
+        _ => "a clear difference",
+    };
+    let held_out = fixed(chosen.held_out, 3);
+    let tracking = match &chosen.tracking {
+        Some((error, plant)) => {
+            let error = fixed(*error, 3);
+            format!("its inverse has an error of {error} {unit} on the others, most on {plant}")
+        }
+        None => untried(chosen.hides_plane).to_owned(),
+    };
+    Some(format!(
+        "{family} was chosen: on the rows held out its error is {held_out} {unit}, and {tracking}. \
+         Over the blocks, that of the next family, {other}, is {} % {side} it, with a standard \
+         error of {} %: {sure}.",
+        percent(worse),
+        percent(error)
+    ))
+}
+
+/// The unit of the outputs.
+fn unit(outcome: &FitOutcome) -> OutputUnit {
+    let output = outcome.model.file().outputs.first();
+    output.map_or(OutputUnit::Deg, |output| output.unit)
+}
+
+/// The score of a family, in the unit of the outputs.
+pub(super) fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
+    let unit = unit(outcome);
+    let si = unit.si();
+    ChoiceScore {
+        family: score.family.to_string(),
+        held_out: score.held_out / si,
+        tracking: score.tracking.map(|(error, plant)| (error / si, plant.to_string())),
+        beside: beside(score, outcome),
+        total: score.total() / si,
+        travel: score.travel,
+        chosen: score.family == outcome.family,
+        sentence: score.sentence(unit),
+        hides_plane: score.hides_plane,
+    }
+}
+
+/// Error of a family relative to that of the chosen one; see [`Score::beside`].
+fn beside(score: &Score, outcome: &FitOutcome) -> (f64, f64) {
+    let mut scores = outcome.report.scores.iter();
+    let chosen = scores.find(|score| score.family == outcome.family);
+    chosen.map_or((0.0, 0.0), |chosen| score.beside(chosen))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn score(family: &str, total: f64, chosen: bool) -> ChoiceScore {
+        ChoiceScore {
+            family: family.to_owned(),
+            held_out: total,
+            tracking: None,
+            beside: (total.ln(), 0.03),
+            total,
+            travel: 0.0,
+            chosen,
+            sentence: String::new(),
+            hides_plane: false,
+        }
+    }
+
+    #[test]
+    fn the_sentence_reports_the_certainty_of_the_choice() {
+        for (next, part) in [
+            (1.5, "force-balance, is 50 % above it, with a standard error of 3 %: a clear"),
+            (1.05, "is 5 % above it, with a standard error of 3 %: so close that another"),
+            (0.98, "is 2 % below it, with a standard error of 3 %: so little that the simpler"),
+        ] {
+            let scores = [
+                score("linear", 9.0, false),
+                score("gmr-play", 1.0, true),
+                score("force-balance", next, false),
+            ];
+            let text = explanation(&scores, "deg").unwrap();
+            assert!(text.contains(part), "{text}");
+            assert!(text.contains("no other family is near enough"), "{text}");
+        }
+        let mut alike = [score("gmr-play", 0.98, false), score("force-balance", 1.0, true)];
+        let text = explanation(&alike, "deg").unwrap();
+        assert!(text.contains("so little that the force balance was chosen"), "{text}");
+        alike[1].hides_plane = true;
+        let text = explanation(&alike, "deg").unwrap();
+        assert!(text.contains("but only linear and force-balance hold between"), "{text}");
+        let one = [score("linear", 1.0, true)];
+        assert!(explanation(&one, "deg").unwrap().contains("the only family"));
     }
 }

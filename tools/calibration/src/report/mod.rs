@@ -16,22 +16,17 @@
 //! | `comparison` | models side by side on one recording |
 //! | `drift` | the drift of a robot from a calibration |
 //! | `fit` | report of a fit |
-//! | `gather`, `sweep` | its content, from the fit |
-//! | `page`, `facts`, `choice` | as a document |
-//! | `hysteresis_loops`, `mixture_figure` | figures of the models |
-//! | `labels` | numbers and names in the form of the page |
+//! | `gather` | its content, from the fit |
+//! | `page`, `facts` | as a document |
+//! | `figures` | figures of the models; numbers and names in the form of the page |
 
-mod choice;
 mod comparison;
 mod drift;
 mod facts;
+mod figures;
 mod fit;
 mod gather;
-mod hysteresis_loops;
-mod labels;
-mod mixture_figure;
 mod page;
-mod sweep;
 #[cfg(test)]
 mod tests;
 

@@ -5,10 +5,9 @@ use std::{fmt, iter, mem};
 use i2ris_report::number::fixed;
 use i2ris_report::{Axis, Color, Document, Figure, Mark, Marker, Panel, Table};
 
-use super::choice::{self, NONE};
+use super::facts::{NONE, write_choice};
+use super::figures::{NOISE, error, list, with_unit, write_loops, write_mixtures};
 use super::fit::{BASELINE, CalibrationReport, Errors, FamilyResult};
-use super::labels::{NOISE, error, list, with_unit};
-use super::{hysteresis_loops, mixture_figure};
 
 /// Ratio of the errors on unseen and training rows above which a model does not generalise.
 const CARRIES_OVER: f64 = 1.5;
@@ -45,7 +44,7 @@ impl CalibrationReport {
         page.facts(self.facts());
         page.notice("Keep in mind", self.notices());
         page.section("Families side by side");
-        choice::write(&mut page, self);
+        write_choice(&mut page, self);
         page.page_only(|page| {
             self.families_figure(page);
             page.table(self.overview());
@@ -64,8 +63,8 @@ impl CalibrationReport {
         }
         page.page_only(|page| {
             page.section("Hysteresis");
-            hysteresis_loops::write(page, self);
-            mixture_figure::write(page, self);
+            write_loops(page, self);
+            write_mixtures(page, self);
             page.section("Where it comes from");
             page.facts(self.origin());
             page.paragraph(

@@ -6,7 +6,7 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 
 use super::CalibrationReport;
 use super::fit::Straight;
-use super::sweep::branches;
+use super::gather::branches;
 use crate::fit::split::HoldOut;
 use crate::fit::{Choice, Components, Family, FitOptions, FitOutcome, fit};
 use crate::progress::Silent;

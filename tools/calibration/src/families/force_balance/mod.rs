@@ -12,7 +12,7 @@
 //! | file | contents |
 //! |---|---|
 //! | `layout` | parameters as numbers of the order of 1, with what is usual |
-//! | `target` | the path, the samples along it, and the bend that parameters give there |
+//! | `target` | the path, its samples, and the bend that parameters give there, also of another range |
 //! | `read_out` | the polynomial of the outputs |
 //! | `reach` | where the recording brought the snake |
 //! | `levenberg_marquardt` | the descent from one start |
@@ -21,7 +21,6 @@
 //! | `latency` | how late the samples are |
 //! | `search` | the whole fit |
 //! | `terms` | what a snake may have or not |
-//! | `rescaled` | parameters of another range as a start |
 //! | `error` | why there is none |
 //! | `mechanism` | what the parameters say of the robot |
 
@@ -34,7 +33,6 @@ pub mod mechanism;
 mod objective;
 mod reach;
 mod read_out;
-mod rescaled;
 pub mod search;
 mod target;
 mod terms;

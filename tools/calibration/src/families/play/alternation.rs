@@ -4,14 +4,14 @@
 use i2ris::model::MixtureRegression;
 use nalgebra::DMatrix;
 
-use super::states::{PlayStates, motor_vectors};
-use super::threshold_search::{BLOCKS, ROWS};
+use super::thresholds::{BLOCKS, ROWS};
+use super::weights::Polynomial;
 use super::weights::{Linearised, Weights, fit_weights};
-use crate::em::restarts::EmOptions;
+use super::weights::{PlayStates, motor_vectors};
+use crate::em::EmOptions;
 use crate::parallel;
 use crate::progress::{Progress, Silent};
 use crate::regression::mixture::{RegressionData, residuals};
-use crate::regression::polynomial::Polynomial;
 use crate::series::blocks;
 use crate::table::DataTable;
 

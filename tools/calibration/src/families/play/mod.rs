@@ -11,48 +11,14 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `thresholds` | thresholds, and the range of them that a path can show |
-//! | `threshold_search` | number and range of the thresholds |
-//! | `states` | the states of the plays at every sample |
-//! | `weights` | variable projection |
+//! | `thresholds` | thresholds, and the choice of their number and range |
+//! | `weights` | the plays at every sample; their weights by variable projection |
 //! | `alternation` | weights for a mixture |
-//! | [`play_fit`] | the whole fit |
+//! | [`play_fit`] | the whole fit, and properties of the mechanism |
 
 mod alternation;
 pub mod play_fit;
-mod states;
 #[cfg(test)]
 mod tests;
-mod threshold_search;
 mod thresholds;
 mod weights;
-
-use i2ris::model::ModelError;
-
-use super::chain::ChainError;
-use crate::regression::linear::LinearError;
-
-/// Why no plays could be fitted.
-#[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
-pub enum PlayError {
-    #[error("{0} sample(s) do not determine play operators, {1} might; record more")]
-    TooFewSamples(usize, usize),
-    /// A motor, counted from 0, that hardly moves.
-    #[error(
-        "motor {0} hardly moves in the rows used for training; move that motor, or hold out \
-         other rows"
-    )]
-    Still(usize),
-    #[error(
-        "the outputs cannot be regressed on the plays: numbers are too large, or there are too \
-         few samples"
-    )]
-    Degenerate,
-    #[error(transparent)]
-    Refused(#[from] ModelError),
-    #[error(transparent)]
-    Linear(#[from] LinearError),
-    #[error(transparent)]
-    Chain(#[from] ChainError),
-}

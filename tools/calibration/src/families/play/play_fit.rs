@@ -1,18 +1,20 @@
 //! The whole fit of play operators.
 
+use std::fmt;
+
+use i2ris::model::ModelError;
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use nalgebra::DVector;
 
-use super::super::chain::{ChainFit, ChainOptions, fit_chain};
+use super::super::chain::{ChainError, ChainFit, ChainOptions, fit_chain};
 use super::super::operator_trace::{UnknownMemory, trace_plays};
-use super::PlayError;
 use super::alternation::alternate;
-use super::states::PlayStates;
-use super::threshold_search::search;
-use super::thresholds::ThresholdRange;
-use crate::families::play_mechanism::PlayMechanism;
+use super::thresholds::{ThresholdRange, search};
+use super::weights::PlayStates;
 use crate::progress::Progress;
 use crate::recording::MIN_ROWS;
+use crate::regression::linear::{LinearError, fit_linear};
 use crate::series::Series;
 use crate::table::DataTable;
 
@@ -86,4 +88,149 @@ fn chain(
 ) -> Result<ChainFit, PlayError> {
     let points = trace_plays(series, plays, UnknownMemory::LeaveOut)?;
     Ok(fit_chain(series, &points, options, progress)?)
+}
+
+/// Why no plays could be fitted.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum PlayError {
+    #[error("{0} sample(s) do not determine play operators, {1} might; record more")]
+    TooFewSamples(usize, usize),
+    /// A motor, counted from 0, that hardly moves.
+    #[error(
+        "motor {0} hardly moves in the rows used for training; move that motor, or hold out \
+         other rows"
+    )]
+    Still(usize),
+    #[error(
+        "the outputs cannot be regressed on the plays: numbers are too large, or there are too \
+         few samples"
+    )]
+    Degenerate,
+    #[error(transparent)]
+    Refused(#[from] ModelError),
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+    #[error(transparent)]
+    Chain(#[from] ChainError),
+}
+
+/// Properties of the mechanism.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlayMechanism {
+    /// One per motor.
+    pub motors: Vec<PlayMotor>,
+    /// Rotation of the axes of two motors against those of two outputs, deg, counter-clockwise,
+    /// -180...180: 0 if motor 0 moves output 0 upwards and motor 1 output 1, in either direction.
+    pub rotation_deg: Option<f64>,
+}
+
+/// Properties of one motor. Outputs are in the unit of the recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlayMotor {
+    /// Motion of the outputs per virtual count: the length of their change.
+    pub gain: f64,
+    /// Travel after a turning point until the outputs follow at half their rate or more, counts.
+    pub gap_counts: f64,
+    /// The gap as lost motion of the outputs.
+    pub gap: f64,
+    /// Distance between the two branches of a loop over the whole range, counts.
+    pub loop_counts: f64,
+    /// The same distance in the outputs.
+    pub loop_width: f64,
+}
+
+impl PlayMechanism {
+    /// Derives the properties from plays, the virtual counts of all samples and their outputs.
+    /// Fails if the virtual counts do not span their space.
+    pub fn new(
+        plays: &PlayParameters,
+        virtual_counts: &DataTable,
+        outputs: &DataTable,
+    ) -> Result<Self, LinearError> {
+        let slopes = fit_linear(virtual_counts, outputs)?.gain;
+        let motor = |(motor, (thresholds, weights)): (usize, (&Vec<f64>, &Vec<f64>))| {
+            let slope = DVector::from_iterator(slopes.len(), slopes.iter().map(|row| row[motor]));
+            PlayMotor::new(slope.norm(), thresholds, weights)
+        };
+        let motors = plays.thresholds_counts.iter().zip(&plays.weights).enumerate();
+        Ok(Self { motors: motors.map(motor).collect(), rotation_deg: rotation(&slopes) })
+    }
+}
+
+impl PlayMotor {
+    fn new(gain: f64, thresholds: &[f64], weights: &[f64]) -> Self {
+        // A play of threshold r follows after a travel of 2 r, and its branches are 2 r apart.
+        let gap = 2.0 * weighted_median(thresholds, weights);
+        let width = 2.0 * weighted_mean(thresholds, weights);
+        Self {
+            gain,
+            gap_counts: gap,
+            gap: gain * gap,
+            loop_counts: width,
+            loop_width: gain * width,
+        }
+    }
+}
+
+impl fmt::Display for PlayMechanism {
+    /// A line per motor, then one for the axes.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (motor, found) in self.motors.iter().enumerate() {
+            write!(f, "motor {motor}: gap {:.0} counts ({:.2}), ", found.gap_counts, found.gap)?;
+            write!(f, "loop {:.0} counts ({:.2}) wide, ", found.loop_counts, found.loop_width)?;
+            writeln!(f, "{:.4} per count", found.gain)?;
+        }
+        self.rotation_deg.map_or(Ok(()), |rotation| writeln!(f, "axes turned by {rotation:.1} deg"))
+    }
+}
+
+fn weighted_mean(thresholds: &[f64], weights: &[f64]) -> f64 {
+    let pairs = thresholds.iter().zip(weights);
+    pairs.map(|(threshold, weight)| threshold * weight).sum()
+}
+
+/// The smallest threshold at which the weights up to it reach one half.
+fn weighted_median(thresholds: &[f64], weights: &[f64]) -> f64 {
+    let mut sum = 0.0;
+    let reached = thresholds.iter().zip(weights).find(|(_, weight)| {
+        sum += **weight;
+        sum >= 0.5
+    });
+    reached.map_or(0.0, |(threshold, _)| *threshold)
+}
+
+/// The least-squares rotation closest to two by two slopes, after a mirror if they need one.
+fn rotation(slopes: &[Vec<f64>]) -> Option<f64> {
+    let [pitch, yaw] = slopes else { return None };
+    let ([a, b], [c, d]) = (pitch.as_slice(), yaw.as_slice()) else {
+        return None;
+    };
+    let mirror = (a * d - b * c).signum();
+    Some((c - mirror * b).atan2(a + mirror * d).to_degrees())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::assert_near;
+
+    #[test]
+    fn a_single_gap_is_found() {
+        let found = PlayMotor::new(0.02, &[0.0, 10.0, 40.0], &[0.1, 0.0, 0.9]);
+        assert_eq!((found.gap_counts, found.gap), (80.0, 1.6));
+        assert_eq!((found.gain, found.loop_counts, found.loop_width), (0.02, 72.0, 1.44));
+        let without_gap = PlayMotor::new(1.0, &[0.0, 9.0], &[0.6, 0.4]);
+        assert_eq!(without_gap.gap_counts, 0.0);
+    }
+
+    #[test]
+    fn axis_rotation_is_found_through_a_mirror() {
+        let (sin, cos) = 30.0_f64.to_radians().sin_cos();
+        let turned = rotation(&[vec![2.0 * cos, -2.0 * sin], vec![2.0 * sin, 2.0 * cos]]);
+        let mirrored = rotation(&[vec![cos, sin], vec![sin, -cos]]);
+        assert_near(turned.unwrap(), 30.0, 1e-9);
+        assert_near(mirrored.unwrap(), 30.0, 1e-9);
+        assert_eq!(rotation(&[vec![1.0]]), None);
+    }
 }

@@ -5,10 +5,10 @@ use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
 use nalgebra::{DVector, SVector};
 use proptest::prelude::*;
 
-use super::PlayError;
+use super::play_fit::PlayError;
 use super::play_fit::fit_play;
-use super::states::PlayStates;
 use super::thresholds::Thresholds;
+use super::weights::PlayStates;
 use super::weights::{FIRST_WEIGHT, Weights, fit_weights, improve};
 use crate::em::EmOptions;
 use crate::families::chain::ChainOptions;

@@ -6,11 +6,16 @@
 //! coefficients cannot compensate (G. Golub and V. Pereyra 1973, in the form of L. Kaufman 1975).
 //! The step itself is a least-squares problem with non-negative unknowns.
 
-use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
 
-use super::states::PlayStates;
+use i2ris::model::ModelError;
+use i2ris::units::MotorVec;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use super::super::operator_trace::{TracePoint, UnknownMemory, feature_matrix, trace_plays};
+use super::thresholds::Thresholds;
 use crate::regression::nnls::nnls;
-use crate::regression::polynomial::Polynomial;
+use crate::series::Series;
 
 /// Steps of a fit.
 const STEPS: usize = 4;
@@ -153,4 +158,206 @@ fn shortened(
         let there = Linearised::polynomial(states, &next)?;
         (there.square() < square).then_some((next, there))
     })
+}
+
+/// The plays at every sample. Counts are divided by `scale`.
+#[derive(Debug, Clone)]
+pub(super) struct PlayStates {
+    /// Trace points with counts as virtual counts.
+    points: Vec<TracePoint>,
+    /// Per motor: a row per sample, a column per threshold.
+    pub plays: Vec<DMatrix<f64>>,
+    /// A row per sample.
+    pub outputs: DMatrix<f64>,
+    /// The largest count.
+    pub scale: f64,
+}
+
+impl PlayStates {
+    /// Runs the plays along the path. Samples before their memory is known are left out, as in the
+    /// fit of the chain.
+    pub fn new(series: &Series, thresholds: &Thresholds) -> Result<Self, ModelError> {
+        let points = trace_plays(series, &thresholds.idle(), UnknownMemory::LeaveOut)?;
+        let counts = points.iter().flat_map(|point| point.virtual_counts);
+        let scale = counts.fold(1.0, |most: f64, count| most.max(count.abs()));
+        let mut first = 0;
+        let mut plays = Vec::new();
+        for (motor, thresholds) in thresholds.motors.iter().enumerate() {
+            let lag = |row: usize, play: usize| match play {
+                0 => 0.0,
+                _ => points[row].lags.as_slice()[first + play - 1] * thresholds[play],
+            };
+            plays.push(DMatrix::from_fn(points.len(), thresholds.len(), |row, play| {
+                (points[row].virtual_counts[motor] - lag(row, play)) / scale
+            }));
+            first += thresholds.len() - 1;
+        }
+        let output = |row: usize, output: usize| points[row].outputs[output];
+        let outputs = DMatrix::from_fn(points.len(), series.outputs(), output);
+        Ok(Self { points, plays, outputs, scale })
+    }
+
+    pub fn rows(&self) -> usize {
+        self.points.len()
+    }
+
+    pub fn select(&self, rows: &[usize]) -> Self {
+        Self {
+            points: rows.iter().map(|row| self.points[*row]).collect(),
+            plays: self.plays.iter().map(|plays| plays.select_rows(rows)).collect(),
+            outputs: self.outputs.select_rows(rows),
+            scale: self.scale,
+        }
+    }
+
+    /// The last `last` samples, thinned evenly to at most `most`.
+    pub fn thinned(&self, last: usize, most: usize) -> Self {
+        let step = last.div_ceil(most).max(1);
+        let rows = (self.rows().saturating_sub(last)..self.rows()).step_by(step);
+        self.select(&rows.collect::<Vec<_>>())
+    }
+
+    /// Splits off a block of samples: the rest, and the block.
+    pub fn split(&self, block: &Range<usize>) -> (Self, Self) {
+        let (unseen, seen): (Vec<usize>, Vec<usize>) =
+            (0..self.rows()).partition(|row| block.contains(row));
+        (self.select(&seen), self.select(&unseen))
+    }
+
+    /// Virtual counts, scaled: a row per sample, a column per motor.
+    pub fn virtual_counts(&self, weights: &[DVector<f64>]) -> DMatrix<f64> {
+        let columns = self.plays.iter().zip(weights);
+        let columns: Vec<_> = columns.map(|(plays, weights)| plays * weights).collect();
+        DMatrix::from_columns(&columns)
+    }
+
+    /// Features of a residual on all lags: a shape, and lags times a shape, of the given degrees.
+    pub fn features(&self, weights: &[DVector<f64>], degrees: (usize, usize)) -> DMatrix<f64> {
+        let lags = self.points.first().map_or(0, |point| point.lags.as_slice().len());
+        let scaled = motor_vectors(&self.virtual_counts(weights));
+        let row = |row: usize| (scaled[row], self.points[row].lags);
+        feature_matrix(self.plays.len(), (self.rows(), lags), degrees, &row)
+    }
+}
+
+/// The rows of a matrix with a column per motor.
+pub(super) fn motor_vectors(matrix: &DMatrix<f64>) -> Vec<MotorVec> {
+    let row = |row: usize| {
+        std::array::from_fn(|motor| matrix.row(row).get(motor).copied().unwrap_or_default())
+    };
+    (0..matrix.nrows()).map(row).collect()
+}
+
+/// Highest degree.
+const DEGREE: usize = 5;
+
+/// Samples per monomial: with fewer, the degree is lower.
+const ROWS_PER_MONOMIAL: usize = 15;
+
+/// Added to the diagonal of the normal equations, as a part of its mean: on a recording of one
+/// axis, some monomials are the same.
+const REGULARISATION: f64 = 1e-10;
+
+/// Monomials of the virtual counts, at every sample.
+pub(crate) struct Polynomial {
+    /// Powers of every variable.
+    exponents: Vec<Vec<i32>>,
+    /// Row: sample, column: monomial.
+    pub values: DMatrix<f64>,
+    normal: Cholesky<f64, Dyn>,
+}
+
+impl Polynomial {
+    /// `None` if nothing can be regressed on the virtual counts.
+    pub fn new(virtual_counts: &DMatrix<f64>) -> Option<Self> {
+        let motors = virtual_counts.ncols();
+        let degree = (1..=DEGREE)
+            .rev()
+            .find(|d| exponents(motors, *d).len() * ROWS_PER_MONOMIAL <= virtual_counts.nrows());
+        let exponents = exponents(motors, degree.unwrap_or(1));
+        let values = monomials(virtual_counts, &exponents);
+        let mut normal = values.tr_mul(&values);
+        let ridge = REGULARISATION * normal.trace() / normal.nrows() as f64;
+        for i in 0..normal.nrows() {
+            normal[(i, i)] += ridge;
+        }
+        Some(Self { normal: normal.cholesky()?, exponents, values })
+    }
+
+    /// Least-squares coefficients: row: monomial, column: output.
+    pub fn coefficients(&self, outputs: &DMatrix<f64>) -> DMatrix<f64> {
+        self.normal.solve(&self.values.tr_mul(outputs))
+    }
+
+    /// Derivative of the polynomial with respect to the virtual count of a motor: row: sample,
+    /// column: output.
+    pub fn slope(
+        &self,
+        virtual_counts: &DMatrix<f64>,
+        motor: usize,
+        coefficients: &DMatrix<f64>,
+    ) -> DMatrix<f64> {
+        let mut lowered = self.exponents.clone();
+        for powers in &mut lowered {
+            powers[motor] = (powers[motor] - 1).max(0);
+        }
+        let mut scaled = coefficients.clone();
+        for (mut row, powers) in scaled.row_iter_mut().zip(&self.exponents) {
+            row *= f64::from(powers[motor]);
+        }
+        monomials(virtual_counts, &lowered) * scaled
+    }
+}
+
+fn exponents(motors: usize, degree: usize) -> Vec<Vec<i32>> {
+    let degree = degree as i32;
+    match motors {
+        1 => (0..=degree).map(|power| vec![power]).collect(),
+        _ => (0..=degree)
+            .flat_map(|total| (0..=total).map(move |second| vec![total - second, second]))
+            .collect(),
+    }
+}
+
+fn monomials(virtual_counts: &DMatrix<f64>, exponents: &[Vec<i32>]) -> DMatrix<f64> {
+    DMatrix::from_fn(virtual_counts.nrows(), exponents.len(), |row, monomial| {
+        let powers = exponents[monomial].iter().enumerate();
+        powers.map(|(motor, power)| virtual_counts[(row, motor)].powi(*power)).product()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::assert_near;
+
+    fn plane(rows: usize) -> DMatrix<f64> {
+        let at = |row: usize, column: usize| {
+            (0.37 * row as f64 + 1.3 * column as f64 * row as f64).sin()
+        };
+        DMatrix::from_fn(rows, 2, at)
+    }
+
+    #[test]
+    fn a_polynomial_and_its_slope_are_found() {
+        let counts = plane(400);
+        let value = |x: f64, y: f64| 1.0 - 2.0 * x + x * y * y + 0.5 * x.powi(5);
+        let outputs = DMatrix::from_fn(400, 1, |row, _| value(counts[(row, 0)], counts[(row, 1)]));
+        let basis = Polynomial::new(&counts).unwrap();
+        let coefficients = basis.coefficients(&outputs);
+        assert!((outputs - &basis.values * &coefficients).amax() < 1e-6);
+        let [along, across] = [0, 1].map(|motor| basis.slope(&counts, motor, &coefficients));
+        for row in 0..400 {
+            let (x, y) = (counts[(row, 0)], counts[(row, 1)]);
+            assert_near(along[(row, 0)], -2.0 + y * y + 2.5 * x.powi(4), 1e-5);
+            assert_near(across[(row, 0)], 2.0 * x * y, 1e-5);
+        }
+    }
+
+    #[test]
+    fn few_samples_lower_the_degree() {
+        for (samples, monomials) in [(400, 21), (100, 6), (20, 3)] {
+            assert_eq!(Polynomial::new(&plane(samples)).unwrap().values.ncols(), monomials);
+        }
+    }
 }
