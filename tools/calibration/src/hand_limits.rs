@@ -1,9 +1,8 @@
 //! Hand motion within the limits of a robot with a model: duration of a reversal, and maximum speed
 //! of a goal in any direction and anywhere in the hull.
 
-use std::array;
 use std::f64::consts::TAU;
-use std::fmt;
+use std::{array, fmt};
 
 use i2ris::config::{JointLimitConfig, LimitConfig};
 use i2ris::model::file::OutputUnit;

@@ -13,11 +13,11 @@
 //! | [`parallel`], [`progress`] | work on all cores; reports of its progress |
 //! | [`table`] | rows of numbers |
 //! | [`recording`] | CSV files: columns, reading, checking, writing |
-//! | [`series`] | the path of the motors with the samples along it |
+//! | `series` | the path of the motors with the samples along it |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`regression`] | affine, ridge and mixture regression; the number of components |
 //! | [`quality`] | properties of a recording: noise, spikes, cycles, identifiability, latency |
-//! | [`families`] | the fit of plays and of the force balance |
+//! | `families` | the fit of plays and of the force balance |
 //! | [`fit`] | all families, their model files, metrics, and the choice among them |
 //! | [`drift`] | drift of a robot from its calibration, and a new model from an old one |
 //! | [`hand_limits`] | hand motion within the limits of a robot with a model |
@@ -35,7 +35,7 @@
 
 pub mod drift;
 pub mod em;
-pub mod families;
+mod families;
 pub mod fit;
 pub mod hand_limits;
 pub mod parallel;
@@ -44,7 +44,7 @@ pub mod quality;
 pub mod recording;
 pub mod regression;
 pub mod report;
-pub mod series;
+mod series;
 pub mod table;
 #[cfg(test)]
 mod testing;

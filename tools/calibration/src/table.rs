@@ -10,11 +10,6 @@ pub struct DataTable {
 }
 
 impl DataTable {
-    /// An empty table whose rows will have `width` numbers.
-    pub fn new(width: usize) -> Self {
-        Self { width, values: Vec::new() }
-    }
-
     /// The rows of a matrix.
     pub fn from_matrix(rows: &DMatrix<f64>) -> Self {
         let cells = |row| (0..rows.ncols()).map(move |column| rows[(row, column)]);
@@ -27,17 +22,8 @@ impl DataTable {
         width: usize,
         rows: impl IntoIterator<Item = Row>,
     ) -> Self {
-        let mut table = Self::new(width);
-        for row in rows {
-            table.push(row);
-        }
-        table
-    }
-
-    /// Appends a row like [`DataTable::from_rows`].
-    pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
-        let filled = row.into_iter().chain(std::iter::repeat(0.0));
-        self.values.extend(filled.take(self.width));
+        let filled = |row: Row| row.into_iter().chain(std::iter::repeat(0.0)).take(width);
+        Self { width, values: rows.into_iter().flat_map(filled).collect() }
     }
 
     /// All numbers, one row after the other.

@@ -11,13 +11,10 @@ use crate::recording::Recording;
 /// Prior standard deviations of a drift: zero in deg (mm), gain, gap.
 const PRIOR: [f64; 3] = [1.5, 0.1, 0.3];
 
-/// Rounds of the gap scale.
-const ROUNDS: usize = 5;
-
-/// Minimum rows of an estimate.
 const MIN_ESTIMATE_ROWS: usize = 30;
 
-/// Range of the scale of a gap: that of [`i2ris::model::Memory::set_gap_scale`].
+/// Rounds of the gap scale, and its range: that of [`i2ris::model::Memory::set_gap_scale`].
+const ROUNDS: usize = 5;
 const GAP_SCALES: std::ops::RangeInclusive<f64> = 0.2..=3.0;
 
 /// A number with its standard deviation.
@@ -64,18 +61,15 @@ pub enum DriftError {
 #[derive(Debug, Clone, Copy)]
 struct Shape {
     outputs: usize,
-    motors: usize,
-    has_gap: bool,
+    /// Motors with a gap.
+    gaps: usize,
 }
 
 impl DriftEstimate {
     /// Estimates the drift from a recording of the same robot.
     pub fn new(model: &Model, recording: &Recording) -> Result<Self, DriftError> {
-        let shape = Shape {
-            outputs: model.outputs(),
-            motors: model.motors(),
-            has_gap: model.has_backlash(),
-        };
+        let gaps = if model.has_backlash() { model.motors() } else { 0 };
+        let shape = Shape { outputs: model.outputs(), gaps };
         let used = |scale: &[f64; MAX_MOTORS]| points(model, recording, scale);
         let mut scale = [1.0; MAX_MOTORS];
         let first = used(&scale);
@@ -83,17 +77,15 @@ impl DriftEstimate {
             return Err(DriftError::Rows(first.len()));
         }
         let (mut now, mut solution) = (first.clone(), None);
-        for _ in 0..if shape.has_gap { ROUNDS } else { 1 } {
+        for _ in 0..ROUNDS {
             let found = solve(&shape.problem(&now, &scale)).ok_or(DriftError::NotFinite)?;
             let before = scale;
-            if shape.has_gap {
-                let (least, most) = GAP_SCALES.into_inner();
-                for (motor, scale) in scale.iter_mut().enumerate().take(shape.motors) {
-                    let growth = found.parameters[shape.gap(motor)];
-                    *scale = (1.0 + growth).clamp(least, most);
-                }
-                now = used(&scale);
+            let (least, most) = GAP_SCALES.into_inner();
+            for (motor, scale) in scale.iter_mut().enumerate().take(shape.gaps) {
+                let growth = found.parameters[shape.gap(motor)];
+                *scale = (1.0 + growth).clamp(least, most);
             }
+            now = used(&scale);
             solution = Some(found);
             if scale.iter().zip(before).all(|(now, then)| (now - then).abs() < 0.002) {
                 break;
@@ -106,7 +98,7 @@ impl DriftEstimate {
 
 impl Shape {
     fn parameters(self) -> usize {
-        self.outputs + self.outputs * self.outputs + if self.has_gap { self.motors } else { 0 }
+        self.outputs + self.outputs * self.outputs + self.gaps
     }
 
     fn gain(self, output: usize, of: usize) -> usize {
@@ -114,15 +106,14 @@ impl Shape {
     }
 
     fn gap(self, motor: usize) -> usize {
-        self.parameters() - self.motors + motor
+        self.parameters() - self.gaps + motor
     }
 
     fn prior(self) -> DVector<f64> {
         let [zero, gain, gap] = PRIOR;
-        let first_gap = self.parameters() - if self.has_gap { self.motors } else { 0 };
         DVector::from_fn(self.parameters(), |index, _| match index {
             index if index < self.outputs => zero,
-            index if index < first_gap => gain,
+            index if index < self.gap(0) => gain,
             _ => gap,
         })
     }
@@ -140,12 +131,10 @@ impl Shape {
                     features[(row, self.gain(output, of))] = point.predicted[of];
                 }
                 target[row] = point.measured[output] - point.predicted[output];
-                if self.has_gap {
-                    for motor in 0..self.motors {
-                        let slope = point.slopes[motor][output];
-                        features[(row, self.gap(motor))] = slope;
-                        target[row] += slope * (scale[motor] - 1.0);
-                    }
+                for motor in 0..self.gaps {
+                    let slope = point.slopes[motor][output];
+                    features[(row, self.gap(motor))] = slope;
+                    target[row] += slope * (scale[motor] - 1.0);
                 }
             }
         }
@@ -159,16 +148,10 @@ impl Shape {
         };
         let outputs = 0..self.outputs;
         let zero: Vec<Value> = outputs.clone().map(|output| value(output, 0.0)).collect();
-        let gain_row = |output: usize| {
-            let entries = (0..self.outputs).map(|of| value(self.gain(output, of), 0.0));
-            entries.collect::<Vec<_>>()
-        };
+        let gain_row =
+            |output| (0..self.outputs).map(|of| value(self.gain(output, of), 0.0)).collect();
         let gain: Vec<Vec<Value>> = outputs.clone().map(gain_row).collect();
-        let gap_scale: Vec<Value> = if self.has_gap {
-            (0..self.motors).map(|motor| value(self.gap(motor), 1.0)).collect()
-        } else {
-            Vec::new()
-        };
+        let gap_scale = (0..self.gaps).map(|motor| value(self.gap(motor), 1.0)).collect();
         let errors = before.iter().zip(after).map(|(before, after)| {
             let (mut old, mut left) = ([0.0; 3], [0.0; 3]);
             for output in outputs.clone() {
@@ -185,15 +168,8 @@ impl Shape {
             length(errors.iter().map(|(_, old, _)| *old)),
             length(errors.iter().map(|(_, _, left)| *left)),
         ];
-        DriftEstimate {
-            zero,
-            gain,
-            gap_scale,
-            rms,
-            rows: errors.len(),
-            independent: solution.independent,
-            errors,
-        }
+        let (rows, independent) = (errors.len(), solution.independent);
+        DriftEstimate { zero, gain, gap_scale, rms, rows, independent, errors }
     }
 }
 
@@ -263,11 +239,9 @@ pub(super) fn points(
     points
 }
 
-/// Rounds of weighting.
-const WEIGHTINGS: usize = 6;
-
-/// Residuals beyond this many deviations count less.
+/// Residuals beyond this many deviations count less, in this many rounds of weighting.
 const HUBER: f64 = 1.5;
+const WEIGHTINGS: usize = 6;
 
 /// The median of the absolute value of a normal variable, in its deviations.
 const NORMAL_MEDIAN: f64 = 0.6745;
@@ -278,7 +252,7 @@ const MIN_INDEPENDENT: f64 = 0.002;
 
 /// A linear problem: `target = features parameters + rest`.
 #[derive(Debug)]
-pub(super) struct Problem {
+struct Problem {
     /// Rows of one output follow one another, in the order of time.
     pub features: DMatrix<f64>,
     pub target: DVector<f64>,
@@ -288,17 +262,19 @@ pub(super) struct Problem {
     pub prior: DVector<f64>,
 }
 
-/// Parameters with their covariance.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Solution {
+struct Solution {
     pub parameters: DVector<f64>,
     pub covariance: DMatrix<f64>,
     /// Share of the rows that count as independent.
     pub independent: f64,
 }
 
-/// The fit. `None` if the equations cannot be solved: a number is not finite.
-pub(super) fn solve(problem: &Problem) -> Option<Solution> {
+/// Robust least squares with a prior. Outliers get Huber weights, iterated (P. J. Huber, "Robust
+/// Estimation of a Location Parameter", 1964). Rows of a rest with the autocorrelation `a` count as
+/// `(1 - a) / (1 + a)` independent ones. `None` if the equations cannot be solved: a number is not
+/// finite.
+fn solve(problem: &Problem) -> Option<Solution> {
     let Problem { features, target, .. } = problem;
     let mut weights = DVector::from_element(target.len(), 1.0);
     let mut solution: Option<Solution> = None;
@@ -307,12 +283,12 @@ pub(super) fn solve(problem: &Problem) -> Option<Solution> {
             Some(solution) => target - features * &solution.parameters,
             None => target.clone(),
         };
-        let mut sizes: Vec<f64> = left.iter().map(|left| left.abs()).collect();
-        let deviation = (median(&mut sizes)? / NORMAL_MEDIAN).max(1e-6);
+        let size = median(left.abs().as_mut_slice())?;
+        let deviation = (size / NORMAL_MEDIAN).max(1e-6);
         if solution.is_some() {
             weights = left.map(|left| (HUBER * deviation / left.abs().max(1e-12)).min(1.0));
         }
-        let independent = problem.independent(&left);
+        let independent = independent(&left, problem.rows);
         let precision = independent / (deviation * deviation);
         let mut weighted = features.clone();
         for (mut row, weight) in weighted.row_iter_mut().zip(weights.iter()) {
@@ -332,16 +308,15 @@ pub(super) fn solve(problem: &Problem) -> Option<Solution> {
     solution.filter(|solution| solution.parameters.iter().all(|it| it.is_finite()))
 }
 
-impl Problem {
-    /// Share from the autocorrelation from row to row, of the output with the largest value.
-    fn independent(&self, left: &DVector<f64>) -> f64 {
-        let of_output = |rest: &[f64]| {
-            let a = autocorrelation(rest).max(0.0);
-            (1.0 - a) / (1.0 + a)
-        };
-        let outputs = left.as_slice().chunks(self.rows.max(1));
-        outputs.map(of_output).fold(1.0, f64::min).max(MIN_INDEPENDENT)
-    }
+/// Share of independent rows, from the autocorrelation of the output with the largest one; `rows`
+/// of an output follow one another.
+fn independent(left: &DVector<f64>, rows: usize) -> f64 {
+    let of_output = |rest: &[f64]| {
+        let a = autocorrelation(rest).max(0.0);
+        (1.0 - a) / (1.0 + a)
+    };
+    let outputs = left.as_slice().chunks(rows.max(1));
+    outputs.map(of_output).fold(1.0, f64::min).max(MIN_INDEPENDENT)
 }
 
 /// Correlation of values with the next ones; 0 if there are none.

@@ -1,4 +1,4 @@
-//! A new model from a calibration and later recordings in use.
+//! Whether it is time for a new calibration, and a new model from recordings in use.
 //!
 //! A calibration covers the whole range. A trial stays in the working range, where a camera has
 //! measured the snake as well. Both are fitted together: the model improves where it is used, and
@@ -70,7 +70,7 @@ impl fmt::Display for Verdict {
 
 /// The error of a calibration on its own recording, on held-out rows if available: the length over
 /// outputs.
-pub(super) fn usual(metrics: &[OutputMetrics]) -> f64 {
+fn usual(metrics: &[OutputMetrics]) -> f64 {
     let square = |metrics: &OutputMetrics| {
         let fit = metrics.held_out.unwrap_or(metrics.training);
         fit.rmsd * fit.rmsd
@@ -116,11 +116,8 @@ pub struct Refined {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum RefineError {
-    #[error("{rows} frames in use are too few, {MIN_ROWS} are needed; record a minute of motion")]
-    Short {
-        /// Rows of the use.
-        rows: usize,
-    },
+    #[error("{0} frames in use are too few, {MIN_ROWS} are needed; record a minute of motion")]
+    Short(usize),
     #[error(
         "mean error of the model in use is {0:.2}: the zero has shifted; this is not hysteresis. \
          If the robot was homed again, home it at the pose of the calibration, or recalibrate"
@@ -132,12 +129,7 @@ pub enum RefineError {
         "fitted with the first part of the use, the model is not better on the rest: {old:.3} \
          before, {new:.3} after; the old model stays"
     )]
-    NoBetter {
-        /// RMS length of the error of the old model.
-        old: f64,
-        /// RMS length of the error of the new model.
-        new: f64,
-    },
+    NoBetter { old: f64, new: f64 },
 }
 
 /// Fits a model to a calibration and the use after it: `both` has the rows of the calibration, then
@@ -150,7 +142,7 @@ pub fn refine(
     progress: &dyn Progress,
 ) -> Result<Refined, RefineError> {
     if in_use < MIN_ROWS {
-        return Err(RefineError::Short { rows: in_use });
+        return Err(RefineError::Short(in_use));
     }
     let rows = both.rows().len();
     let errors = |model: &Model, from: usize| -> Vec<[f64; 3]> {

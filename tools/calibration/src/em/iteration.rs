@@ -19,9 +19,7 @@
 
 use nalgebra::SMatrix;
 
-use super::pass::Pass;
-use super::pass::Samples;
-use super::pass::{Component, Prepared};
+use super::pass::{Component, Pass, Prepared, Samples};
 
 /// Stopping rules, and the prior that keeps covariances from collapsing.
 #[derive(Debug, Clone)]
@@ -43,16 +41,9 @@ pub(super) struct EmResult<const N: usize> {
     /// The objective after every iteration since the last restart of a component.
     pub history: Vec<f64>,
     pub converged: bool,
-    /// Total number of iterations.
     iterations: usize,
-    /// How many more times components may be restarted.
+    /// Restarts of components that are left.
     fresh_starts: usize,
-}
-
-impl<const N: usize> EmResult<N> {
-    pub fn objective(&self) -> f64 {
-        self.history.last().copied().unwrap_or(f64::NEG_INFINITY)
-    }
 }
 
 /// Iterates from a start; `None` if no component is left, or the likelihood is not finite.
@@ -73,13 +64,14 @@ pub(super) fn iterate<const N: usize>(
     let mut pass = Pass::new(result.mixture.len());
     while !result.converged {
         let prepared: Vec<_> = result.mixture.iter().map(Prepared::new).collect();
-        let without_density = prepared.iter().position(Option::is_none);
+        let mut starved = prepared.iter().position(Option::is_none);
         let prepared: Vec<_> = prepared.into_iter().flatten().collect();
-        let mut starved = without_density;
         if starved.is_none() {
             let before = result.objective();
             result.log_likelihood = pass.run(samples, &prepared) / rows;
-            let objective = result.log_likelihood - penalty(&prepared, &rules.prior);
+            let traces = prepared.iter().map(|component| component.trace_against(&rules.prior));
+            let penalty = 0.5 * traces.sum::<f64>() / prepared.len() as f64;
+            let objective = result.log_likelihood - penalty;
             if !objective.is_finite() {
                 return None;
             }
@@ -109,6 +101,10 @@ pub(super) fn iterate<const N: usize>(
 }
 
 impl<const N: usize> EmResult<N> {
+    pub fn objective(&self) -> f64 {
+        self.history.last().copied().unwrap_or(f64::NEG_INFINITY)
+    }
+
     /// Restarts the component as half of the heaviest one, or removes it. `None` if it is the last.
     fn start_again(&mut self, starved: usize, rules: &EmRules<N>) -> Option<()> {
         self.mixture.swap_remove(starved);
@@ -131,9 +127,4 @@ impl<const N: usize> EmResult<N> {
         self.mixture.iter_mut().for_each(|component| component.weight /= total);
         Some(())
     }
-}
-
-fn penalty<const N: usize>(mixture: &[Prepared<N>], shape: &SMatrix<f64, N, N>) -> f64 {
-    let traces = mixture.iter().map(|component| component.trace_against(shape));
-    0.5 * traces.sum::<f64>() / mixture.len() as f64
 }

@@ -7,8 +7,7 @@ use nalgebra::{SMatrix, SVector};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use super::pass::Component;
-use super::pass::Samples;
+use super::pass::{Component, Samples};
 
 /// Rounds of k-means. It only has to reach the right neighbourhood; the iterations do the rest.
 const ROUNDS: usize = 10;

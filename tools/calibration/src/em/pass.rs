@@ -12,13 +12,13 @@ use crate::table::DataTable;
 
 /// Rows per block. A block of seven variables and one column of responsibilities stay in the
 /// first-level cache.
-pub(super) const BLOCK: usize = 64;
+const BLOCK: usize = 64;
 
 /// Some rows, one array per variable. Rows at and beyond `used` are padding.
 #[derive(Debug, Clone)]
-pub(super) struct Block<const N: usize> {
-    pub columns: [[f64; BLOCK]; N],
-    pub used: usize,
+struct Block<const N: usize> {
+    columns: [[f64; BLOCK]; N],
+    used: usize,
 }
 
 /// Mean and standard deviation of each variable: `standardised = (value - mean) / deviation`.
@@ -49,16 +49,14 @@ impl<const N: usize> Scaling<N> {
     }
 }
 
-/// Standardised data.
 #[derive(Debug, Clone)]
 pub(super) struct Samples<const N: usize> {
-    pub blocks: Vec<Block<N>>,
+    blocks: Vec<Block<N>>,
     pub rows: usize,
     pub scaling: Scaling<N>,
 }
 
 impl<const N: usize> Samples<N> {
-    /// Standardises rows of `N` numbers.
     pub fn new(data: &DataTable) -> Self {
         let scaling = Scaling::new(data);
         let mut samples = Self { blocks: Vec::new(), rows: data.len(), scaling: scaling.clone() };
@@ -139,7 +137,6 @@ const LANES: usize = 4;
 /// their exponential is not computed.
 const NEGLIGIBLE: f64 = -40.0;
 
-/// One running sum per lane.
 type Lanes = [f64; LANES];
 
 /// Moments of the rows that belong to one component, taken about its present mean so that nothing

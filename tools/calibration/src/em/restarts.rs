@@ -10,7 +10,7 @@ use i2ris::model::file::MixtureParameters;
 use nalgebra::SMatrix;
 use rand_pcg::Pcg64;
 
-use super::iteration::{EmResult, EmRules, iterate};
+use super::iteration::{EmRules, iterate};
 use super::k_means::random_start;
 use super::pass::{Component, Samples, Scaling};
 use crate::parallel;
@@ -21,29 +21,15 @@ use crate::table::DataTable;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum EmError {
-    #[error("a mixture has 2 to 6 variables, and the data have {found}")]
-    Variables {
-        /// Columns of the data.
-        found: usize,
-    },
-    #[error("row {row} of the data holds a number that is not finite")]
-    NotFinite {
-        /// Counted from 0.
-        row: usize,
-    },
+    #[error("a mixture has 2 to 6 variables, and the data have {0}")]
+    Variables(usize),
+    #[error("row {0} of the data holds a number that is not finite")]
+    NotFinite(usize),
     #[error(
         "{rows} rows of {variables} variables support at most {most} component(s); \
          {components} were requested; record more, or use fewer components"
     )]
-    TooFewRows {
-        /// Rows of the data.
-        rows: usize,
-        /// Columns of the data.
-        variables: usize,
-        components: usize,
-        /// Maximum number of components.
-        most: usize,
-    },
+    TooFewRows { rows: usize, variables: usize, components: usize, most: usize },
     #[error(
         "no start left a component: the likelihood of these rows has no maximum; record more, or \
          regularise more"
@@ -51,7 +37,7 @@ pub enum EmError {
     NoStartSucceeded,
 }
 
-/// A fitted mixture, in the units of the data.
+/// A mixture in the units of the data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MixtureFit {
     /// Components in falling order of weight.
@@ -112,7 +98,10 @@ pub fn fit_mixture(
     options: &EmOptions,
     progress: &dyn Progress,
 ) -> Result<MixtureFit, EmError> {
-    check_finite(data)?;
+    let is_bad = |row: &[f64]| row.iter().any(|value| !value.is_finite());
+    if let Some(row) = data.rows().position(is_bad) {
+        return Err(EmError::NotFinite(row));
+    }
     let most = most_components(data.len(), data.width()).min(MAX_COMPONENTS);
     match data.width() {
         2..=6 if !(1..=most).contains(&components) => {
@@ -123,14 +112,8 @@ pub fn fit_mixture(
         4 => sized_fit::<4>(data, components, options, progress),
         5 => sized_fit::<5>(data, components, options, progress),
         6 => sized_fit::<6>(data, components, options, progress),
-        found => Err(EmError::Variables { found }),
+        found => Err(EmError::Variables(found)),
     }
-}
-
-fn check_finite(data: &DataTable) -> Result<(), EmError> {
-    let mut rows = data.rows();
-    let bad = rows.position(|row| row.iter().any(|value| !value.is_finite()));
-    bad.map_or(Ok(()), |row| Err(EmError::NotFinite { row }))
 }
 
 fn sized_fit<const N: usize>(
@@ -140,42 +123,29 @@ fn sized_fit<const N: usize>(
     progress: &dyn Progress,
 ) -> Result<MixtureFit, EmError> {
     let samples = Samples::<N>::new(data);
-    let rules = rules(options);
+    let rules = EmRules {
+        tolerance: options.tolerance,
+        max_iterations: options.max_iterations.max(1),
+        prior: SMatrix::identity() * options.regularisation,
+    };
     let restarts = options.restarts.max(1);
     progress.begin(restarts);
     let results = parallel::map(restarts, |number| {
-        let random = &mut stream(options.seed, components, number);
-        let start = random_start(&samples, components, &rules.prior, random);
+        // Independent of the random numbers of all other starts.
+        let stream = (components as u128) << 64 | number as u128;
+        let mut random = Pcg64::new(u128::from(options.seed), stream);
+        let start = random_start(&samples, components, &rules.prior, &mut random);
         let result = iterate(&samples, start, &rules);
         progress.step();
         result
     });
     progress.end();
-    best(&samples, results.into_iter().flatten()).ok_or(EmError::NoStartSucceeded)
-}
-
-fn rules<const N: usize>(options: &EmOptions) -> EmRules<N> {
-    EmRules {
-        tolerance: options.tolerance,
-        max_iterations: options.max_iterations.max(1),
-        prior: SMatrix::identity() * options.regularisation,
-    }
-}
-
-/// Random numbers of one start, independent of those of all other starts.
-fn stream(seed: u64, components: usize, number: usize) -> Pcg64 {
-    let stream = (components as u128) << 64 | number as u128;
-    Pcg64::new(u128::from(seed), stream)
-}
-
-/// The result with the highest objective, the first of equals.
-fn best<const N: usize>(
-    samples: &Samples<N>,
-    results: impl Iterator<Item = EmResult<N>>,
-) -> Option<MixtureFit> {
-    let result = results.reduce(|a, b| if b.objective() > a.objective() { b } else { a })?;
+    let results = results.into_iter().flatten();
+    // The first of equals.
+    let best = results.reduce(|a, b| if b.objective() > a.objective() { b } else { a });
+    let result = best.ok_or(EmError::NoStartSucceeded)?;
     let log_likelihood = result.log_likelihood + samples.scaling.log_jacobian();
-    Some(MixtureFit {
+    Ok(MixtureFit {
         parameters: parameters(&result.mixture, &samples.scaling),
         log_likelihood,
         bic: bic(log_likelihood, samples.rows, result.mixture.len(), N),

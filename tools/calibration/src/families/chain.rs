@@ -14,12 +14,12 @@ use i2ris::units::MotorVec;
 use nalgebra::DMatrix;
 
 use super::operator_trace::{TracePoint, feature_matrix, shape_features};
-use crate::em::EmError;
-use crate::em::EmOptions;
+use crate::em::{EmError, EmOptions};
 use crate::progress::Progress;
 use crate::regression::component_choice::choose_components;
+use crate::regression::linear::rows_of;
 use crate::regression::mixture::{RegressionData, residuals};
-use crate::regression::ridge::{RidgeFit, ridge};
+use crate::regression::ridge::ridge;
 use crate::series::Series;
 use crate::table::DataTable;
 
@@ -39,9 +39,7 @@ pub struct ChainOptions {
     pub components: Option<usize>,
     /// The part of the covariance of all rows that every component is given.
     pub smoothing: f64,
-    /// Whether to look for a residual.
     pub residual: bool,
-    /// How to fit the mixture.
     pub em: EmOptions,
 }
 
@@ -56,13 +54,11 @@ impl Default for ChainOptions {
 pub struct ChainFit {
     /// Over `[virtual counts; outputs]`.
     pub mixture: Mixture,
-    /// The residual, if it lowers the error.
     pub residual: Option<ResidualParameters>,
     /// The region of virtual counts that the samples visited.
     pub virtual_hull: HullParameters,
     /// Of the mixture, nats per row.
     pub log_likelihood: f64,
-    /// Of the mixture.
     pub bic: f64,
     /// RMS length of the error of the residual's fit on blocks left out.
     pub cross_validated_rms: f64,
@@ -70,7 +66,6 @@ pub struct ChainFit {
 
 /// Why no chain could be fitted behind an operator.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum ChainError {
     #[error(transparent)]
     Mixture(#[from] EmError),
@@ -130,16 +125,11 @@ struct ChainData<'a> {
 impl<'a> ChainData<'a> {
     fn new(series: &Series, points: &'a [TracePoint]) -> Self {
         let virtual_counts: Vec<MotorVec> = points.iter().map(|p| p.virtual_counts).collect();
-        let largest = virtual_counts.iter().flatten().fold(1.0, |most: f64, v| most.max(v.abs()));
-        Self {
-            motors: series.motors(),
-            points,
-            measured: DMatrix::from_fn(points.len(), series.outputs(), |row, output| {
-                points[row].outputs[output]
-            }),
-            virtual_counts,
-            scale_counts: largest,
-        }
+        let counts = virtual_counts.iter().flatten();
+        let scale_counts = counts.fold(1.0, |most: f64, count| most.max(count.abs()));
+        let output = |row: usize, output: usize| points[row].outputs[output];
+        let measured = DMatrix::from_fn(points.len(), series.outputs(), output);
+        Self { motors: series.motors(), points, virtual_counts, measured, scale_counts }
     }
 
     fn features(&self, degrees: (usize, usize)) -> DMatrix<f64> {
@@ -173,19 +163,15 @@ impl<'a> ChainData<'a> {
         let without = mean_square(rest);
         match best {
             Some((degrees, fit)) if fit.left_out_error < without * (1.0 - LEAST_GAIN) => {
-                (Some(self.parameters(*degrees, &fit)), fit.left_out_error)
+                let residual = ResidualParameters {
+                    scale_counts: self.scale_counts,
+                    shape_degree: degrees.0,
+                    lag_degree: degrees.1,
+                    coefficients: rows_of(&fit.coefficients.transpose()),
+                };
+                (Some(residual), fit.left_out_error)
             }
             _ => (None, without),
-        }
-    }
-
-    fn parameters(&self, degrees: (usize, usize), fit: &RidgeFit) -> ResidualParameters {
-        let columns = fit.coefficients.column_iter();
-        ResidualParameters {
-            scale_counts: self.scale_counts,
-            shape_degree: degrees.0,
-            lag_degree: degrees.1,
-            coefficients: columns.map(|column| column.iter().copied().collect()).collect(),
         }
     }
 }
@@ -200,7 +186,7 @@ mod tests {
     use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
     use nalgebra::SVector;
 
-    use super::super::operator_trace::{UnknownMemory, trace_plays};
+    use super::super::operator_trace::trace_plays;
     use super::*;
     use crate::progress::Silent;
     use crate::recording::Recording;
@@ -229,7 +215,7 @@ mod tests {
 
     fn fit(recording: &Recording, residual: bool) -> ChainFit {
         let series = Series::whole(recording);
-        let points = trace_plays(&series, &plays(), UnknownMemory::LeaveOut).unwrap();
+        let points = trace_plays(&series, &plays()).unwrap();
         let options = ChainOptions {
             components: Some(1),
             residual,

@@ -15,46 +15,26 @@ use crate::series::{Sample, Series};
 pub struct TracePoint {
     /// Virtual counts; entries beyond the number of motors are 0.
     pub virtual_counts: MotorVec,
-    /// Lags of the parts of the operator.
     pub lags: Lags,
-    /// Measured outputs.
     pub outputs: [f64; MAX_OUTPUTS],
-}
-
-/// Samples before the memory of the operator is known.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum UnknownMemory {
-    /// They are left out, unless that leaves less than half of the samples, or a smaller region of
-    /// the motors: a model of short recordings would not cover the full motor range.
-    LeaveOut,
-    /// They are kept.
-    Keep,
 }
 
 /// Minimum part of every motor's range that the remaining samples must cover.
 const MIN_COVERAGE: f64 = 0.9;
 
-/// Runs play operators along the path. Fails if the operator is refused.
-pub fn trace_plays(
-    series: &Series,
-    plays: &PlayParameters,
-    unknown: UnknownMemory,
-) -> Result<Vec<TracePoint>, ModelError> {
+/// Runs play operators along the path. Samples before their memory is known are left out, unless
+/// that leaves less than half of the samples, or a smaller region of the motors: a model of short
+/// recordings would not cover the full motor range. Fails if the operator is refused.
+pub fn trace_plays(series: &Series, plays: &PlayParameters) -> Result<Vec<TracePoint>, ModelError> {
     Ok(match series.motors() {
-        1 => trace::<_, 1>(series, &Plays::prepare(plays)?, unknown),
-        _ => trace::<_, 2>(series, &Plays::prepare(plays)?, unknown),
+        1 => trace::<_, 1>(series, &Plays::prepare(plays)?),
+        _ => trace::<_, 2>(series, &Plays::prepare(plays)?),
     })
 }
 
-fn trace<O: Operator<D>, const D: usize>(
-    series: &Series,
-    operator: &O,
-    unknown: UnknownMemory,
-) -> Vec<TracePoint> {
+fn trace<O: Operator<D>, const D: usize>(series: &Series, operator: &O) -> Vec<TracePoint> {
     let counts = |counts: &MotorVec| SVector::<f64, D>::from_fn(|motor, _| counts[motor]);
-    let Some(first) = series.path().first() else {
-        return Vec::new();
-    };
+    let Some(first) = series.path().first() else { return Vec::new() };
     let mut state = operator.begin(&counts(first));
     let mut points = Vec::with_capacity(series.samples().len());
     let mut next = 0;
@@ -71,8 +51,7 @@ fn trace<O: Operator<D>, const D: usize>(
     }
     let known = series.covered_from(&operator.conditioning_range());
     let before = series.samples().partition_point(|sample| sample.path_index < known);
-    let can_leave_out = 2 * before <= points.len() && covers(series, before);
-    if unknown == UnknownMemory::LeaveOut && can_leave_out {
+    if 2 * before <= points.len() && covers(series, before) {
         points.drain(..before);
     }
     points
@@ -141,7 +120,7 @@ mod tests {
             weights: vec![vec![0.5, 0.5]],
             planar_thresholds_counts: Vec::new(),
         };
-        trace_plays(series, &plays, UnknownMemory::LeaveOut).unwrap()
+        trace_plays(series, &plays).unwrap()
     }
 
     #[test]

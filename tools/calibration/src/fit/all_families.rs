@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use i2ris::model::file::{FamilyParameters, HullParameters};
+use i2ris::model::file::{FamilyParameters, HullParameters, OutputSpec};
 use i2ris::model::{Hull, Model};
 
 use super::choice::{Score, best, scores};
@@ -10,14 +10,12 @@ use super::earlier::{self, take_better, try_shipped};
 use super::metrics::{Evidence, judged_rows, known_from};
 use super::model_file::{FileContext, constant_covariance};
 use super::one_family::FamilyFitter;
-use super::options::FitOptions;
-use super::options::{Choice, Family};
-use super::outcome::{FamilyOutcome, FitOutcome, FitReport};
-use super::outcome::{FitError, refused};
+use super::options::{Choice, Family, FitOptions};
+use super::outcome::{FamilyOutcome, FitError, FitOutcome, FitReport, noted_also, refused};
 use super::split::{HoldOut, Split};
 use crate::families::force_balance::search::Start;
 use crate::progress::{Progress, Silent};
-use crate::quality::{Quality, findings, inputs, outputs};
+use crate::quality::{NoiseFloor, Quality, findings, inputs, outputs};
 use crate::recording::Recording;
 use crate::regression::linear::{LinearFit, fit_linear};
 use crate::series::Series;
@@ -28,11 +26,7 @@ use crate::table::DataTable;
 const MAX_ROWS: usize = 20_000;
 
 /// Fits models to a recording: finds spikes, holds rows out, fits, checks like the controller, and
-/// measures.
-///
-/// # Errors
-///
-/// The recording does not determine a model, or the requested model is refused; see [`FitError`].
+/// measures. Fails if the recording does not determine a model, or the requested model is refused.
 /// With [`Choice::Best`], families that fail are in the outcome.
 pub fn fit(
     recording: &Recording,
@@ -75,7 +69,7 @@ pub fn fit(
             parts.announce_starts(1, progress);
             fitter.start = Start::Earlier(start);
             let judgement = take_better(own, fitter.attempt(Family::ForceBalance), &evidence);
-            own.note_also(&judgement.note(earlier, recording));
+            own.note = noted_also(own.note.take(), &judgement.note(earlier, recording));
         }
     }
     let (linear, family, judged, scores) = choose(&mut families, options.choice, &evidence)?;
@@ -103,11 +97,10 @@ pub fn fit(
 
 /// RMS length of the noise of the measurement, SI units.
 fn noise_of(quality: &Quality, recording: &Recording) -> f64 {
-    let noise = quality.noise.iter().zip(recording.outputs()).map(|(noise, output)| {
-        let deviation = noise.map_or(0.0, |noise| noise.deviation);
-        (deviation * output.unit.si()).powi(2)
-    });
-    noise.sum::<f64>().sqrt()
+    let noise = quality.noise.iter().zip(recording.outputs());
+    let deviation = |noise: &Option<NoiseFloor>| noise.map_or(0.0, |noise| noise.deviation);
+    let squares = noise.map(|(noise, output)| (deviation(noise) * output.unit.si()).powi(2));
+    squares.sum::<f64>().sqrt()
 }
 
 /// Input of every model from a recording.
@@ -157,10 +150,9 @@ struct Parts {
     total: f64,
 }
 
-/// Share of the usual duration for the fit to all rows.
+/// Usual duration of the fit to all rows, and of the search from shipped snakes, or from an earlier
+/// calibration, on the scale of [`Family::usual_duration`].
 const REFIT: f64 = 4.0;
-
-/// The same for the search from shipped snakes, or from an earlier calibration.
 const STARTS: f64 = 6.0;
 
 impl Parts {
@@ -197,23 +189,19 @@ impl Parts {
 /// Why a model is worthless: on the held-out rows it is worse than a constant.
 fn doubt(model: &Model) -> Option<String> {
     let file = model.file();
-    let mut measured = file.outputs.iter().zip(&file.metrics);
-    measured.find_map(|(output, metrics)| {
+    file.outputs.iter().zip(&file.metrics).find_map(|(OutputSpec { name, .. }, metrics)| {
         let r2 = metrics.held_out?.r2;
-        (r2 < 0.0).then(|| {
-            let name = &output.name;
-            format!("on rows held out, R2 of `{name}` is {r2:.2}, below that of a constant")
-        })
+        let text =
+            || format!("on rows held out, R2 of `{name}` is {r2:.2}, below that of a constant");
+        (r2 < 0.0).then(text)
     })
 }
 
 /// The model with the flag for the controller.
 fn marked(model: Arc<Model>, doubt: Option<String>) -> Arc<Model> {
-    if doubt.is_none() {
-        return model;
-    }
+    let Some(doubt) = doubt else { return model };
     let mut file = model.file().clone();
-    file.worthless = doubt;
+    file.worthless = Some(doubt);
     Model::from_file(file).map_or(model, Arc::new)
 }
 
@@ -360,8 +348,7 @@ fn outputs_change(recording: &Recording, training: &[usize]) -> Result<(), FitEr
         let mut values = training.iter().map(|row| recording.rows()[*row].outputs[index]);
         let first = values.next();
         if values.all(|value| Some(value) == first) {
-            let output = spec.name.clone();
-            return Err(FitError::Constant { output });
+            return Err(FitError::Constant(spec.name.clone()));
         }
     }
     Ok(())

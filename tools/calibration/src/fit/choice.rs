@@ -24,8 +24,7 @@ use i2ris::model::file::OutputUnit;
 use i2ris::model::{ExaminationPath, Model, Query};
 use i2ris::units::OutputVec;
 
-use super::metrics::predictions;
-use super::metrics::{Evidence, block_errors, rms};
+use super::metrics::{Evidence, block_errors, predictions, rms};
 use super::options::Family;
 use crate::{parallel, series};
 
@@ -74,14 +73,12 @@ pub struct Score {
 
 impl Score {
     /// Both errors together.
-    #[must_use]
     pub fn total(&self) -> f64 {
         self.held_out.hypot(self.tracking.map_or(0.0, |(error, _)| error))
     }
 
     /// How many times that of another family the error of this one is, as a logarithm, over all
     /// pieces: the mean and its standard error.
-    #[must_use]
     pub fn beside(&self, other: &Self) -> (f64, f64) {
         let is_tried = !self.parts.is_empty() && !other.parts.is_empty();
         let pieces = |score: &Self| -> Vec<f64> {
@@ -104,7 +101,6 @@ impl Score {
     }
 
     /// The score in a sentence, in a unit.
-    #[must_use]
     pub fn sentence(&self, unit: OutputUnit) -> String {
         let (family, held_out) = (self.family, self.held_out / unit.si());
         let tracking = match self.tracking {

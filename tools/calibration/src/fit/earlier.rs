@@ -7,12 +7,10 @@
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::model::hysteresis::force_balance::BalanceParameters;
 
-use super::metrics::predictions;
-use super::metrics::{Evidence, block_errors, rms};
+use super::metrics::{Evidence, block_errors, predictions, rms};
 use super::one_family::FamilyFitter;
 use super::options::{Choice, Family};
-use super::outcome::FamilyOutcome;
-use super::outcome::FitError;
+use super::outcome::{FamilyOutcome, FitError};
 use crate::families::force_balance::judge::{SURE, is_better};
 use crate::families::force_balance::search::{SHIPPED_STARTS, Start};
 use crate::recording::Recording;
@@ -24,11 +22,8 @@ const MAX_SHIPPED_ROWS: usize = 4000;
 /// They are of use where the model leaves more than this many times the noise.
 const ABOVE_NOISE: f64 = 1.1;
 
-/// The balance of an earlier model, if it can be a start.
-///
-/// # Errors
-///
-/// Its family or its number of motors or outputs differs, or no force balance is fitted.
+/// The balance of an earlier model. Fails if it cannot be a start: its family or its number of
+/// motors or outputs differs, or no force balance is fitted.
 pub(super) fn balance_of<'a>(
     earlier: &'a ModelFile,
     recording: &Recording,

@@ -21,7 +21,7 @@ use i2ris_report::statistics::min_max;
 /// Minimum slope of a model, as a part of the affine model's slope, if no rows show a smaller one.
 /// The fit of the laboratory's ring with three components has a tenth between its data, with two
 /// components half; mixtures over the echo probe, with its slack zone, have a fifth or more.
-pub const MIN_SHARE: f64 = 0.2;
+const MIN_SHARE: f64 = 0.2;
 
 /// Positions along each motor's range.
 const STEPS: usize = 25;
@@ -30,10 +30,8 @@ const STEPS: usize = 25;
 /// zone.
 const WIDTH: f64 = 0.03;
 
-/// Rows of a local regression per parameter.
+/// Rows of a local regression per parameter, and tolerance of its slope, in standard errors.
 const ROWS_PER_NUMBER: f64 = 5.0;
-
-/// Tolerance of a local slope, in standard errors.
 const STANDARD_ERRORS: f64 = 2.0;
 
 /// A position at which a model is flat and the recording does not show it.
@@ -60,7 +58,6 @@ impl fmt::Display for FlatSpot {
 
 /// The flattest place of a model that its rows do not show, if any. Models with memory are
 /// evaluated without it.
-#[must_use]
 pub fn flat_spot(
     model: &Model,
     inputs: &DataTable,

@@ -7,17 +7,16 @@
 //! directions.
 
 use i2ris::model::file::FamilyParameters;
+use i2ris_report::statistics::min_max;
 
 use super::all_families::balance_of;
-use super::metrics::predictions;
-use super::metrics::{block_errors, known_from};
+use super::metrics::{block_errors, known_from, predictions};
 use super::split::{HoldOut, Split};
 use crate::families::force_balance::search::{Start, fit_force_balance};
 use crate::progress::Silent;
 use crate::quality::{Finding, limits_of_path};
 use crate::recording::Recording;
 use crate::series::Series;
-use i2ris_report::statistics::min_max;
 
 /// Maximum latency of a camera: one 30 Hz frame of exposure, one of transfer and one of processing.
 /// A larger delay is in the snake.
@@ -27,16 +26,14 @@ const LATEST_S: f64 = 0.1;
 /// physics without latency the estimate was up to 15 ms.
 const MIN_LATENCY_S: f64 = 0.015;
 
-/// Tolerance of an estimate, in standard deviations.
+/// Tolerance of an estimate, in standard deviations, and its maximum: a camera latency is the same
+/// on every part of a recording.
 const DEVIATIONS: f64 = 2.0;
-
-/// Maximum uncertainty of a camera latency: it is the same on every part of a recording.
 const UNSURE_S: f64 = 0.01;
 
-/// Number of fits, each to the recording corrected by the previous one.
+/// Number of fits, each to the recording corrected by the previous one, and maximum error of the
+/// initial estimate.
 const ROUNDS: usize = 2;
-
-/// Maximum error of the initial estimate.
 const FURTHEST_S: f64 = 0.03;
 
 /// Maximum number of rows; more hardly improve the result.
@@ -55,7 +52,6 @@ pub struct LateStamps {
 
 impl LateStamps {
     /// Warning for a use that keeps the stamps.
-    #[must_use]
     pub fn kept(&self) -> String {
         format!(
             "the outputs are stamped {:.0} ms late, more than any camera takes, so the stamps are \
@@ -70,39 +66,27 @@ impl Recording {
     /// The recording, corrected by the confirmed part of its latency, and this part, s. Stamps
     /// later than those of any camera are kept and returned as an error.
     pub fn without_latency(self) -> (Self, Result<Option<f64>, LateStamps>) {
-        match self.camera_latency() {
-            Ok(Some(seconds)) => (self.shifted(seconds), Ok(Some(seconds))),
-            other => (self, other),
+        match self.confirmed_latency() {
+            None => (self, Ok(None)),
+            Some((seconds, unsure_s)) if seconds > LATEST_S + unsure_s => {
+                (self, Err(LateStamps { ms: 1e3 * seconds }))
+            }
+            Some((seconds, _)) => {
+                let seconds = seconds.min(LATEST_S);
+                (self.shifted(seconds), Ok(Some(seconds)))
+            }
         }
     }
 
-    /// The recording, corrected by the confirmed part of its latency, and this part, s.
-    ///
-    /// # Errors
-    ///
-    /// Stamps later than those of any camera.
+    /// The recording, corrected by the confirmed part of its latency, and this part, s. Fails for
+    /// stamps later than those of any camera.
     pub fn aligned(self) -> Result<(Self, Option<f64>), LateStamps> {
         let (recording, latency) = self.without_latency();
         Ok((recording, latency?))
     }
 
-    /// The confirmed latency of the camera, s.
-    ///
-    /// `None` if a motor always reverses at the same two positions, where latency looks like a
-    /// wider loop, and if rows held out do not confirm it.
-    ///
-    /// # Errors
-    ///
-    /// No camera can have the latency that is confirmed.
-    fn camera_latency(&self) -> Result<Option<f64>, LateStamps> {
-        let Some((seconds, unsure_s)) = self.confirmed_latency() else { return Ok(None) };
-        if seconds > LATEST_S + unsure_s {
-            return Err(LateStamps { ms: 1e3 * seconds });
-        }
-        Ok(Some(seconds.min(LATEST_S)))
-    }
-
-    /// The latency and its tolerance, s.
+    /// The latency and its tolerance, s. `None` if a motor always reverses at the same two
+    /// positions, where latency looks like a wider loop, and if rows held out do not confirm it.
     fn confirmed_latency(&self) -> Option<(f64, f64)> {
         let limits = limits_of_path(&Series::whole(self));
         let hides_plane = Finding::hides_plane;

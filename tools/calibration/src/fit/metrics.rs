@@ -14,7 +14,6 @@ use crate::series::{Series, blocks};
 /// Predictions of a model at every row of a recording, in the units of the recording; entries
 /// beyond the number of outputs are 0. The code is that of the controller, and its memory follows
 /// the path of the motors from the first position.
-#[must_use]
 pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUTS]> {
     let mut all = Vec::with_capacity(recording.rows().len());
     along(model, recording, |row, memory| {
@@ -43,7 +42,6 @@ pub(super) fn along(model: &Model, recording: &Recording, mut at: impl FnMut(usi
 
 /// Rows whose pose the inverse of a model clips, outside the range of the robot, and the distance,
 /// rad (m).
-#[must_use]
 pub fn clipped_rows(model: &Model, recording: &Recording) -> Vec<(usize, f64)> {
     let mut clipped = Vec::new();
     along(model, recording, |index, memory| {
@@ -64,7 +62,6 @@ pub fn clipped_rows(model: &Model, recording: &Recording) -> Vec<(usize, f64)> {
 /// NRMSD = RMSD / (highest measured - lowest measured)
 /// MAE   = mean |measured - predicted|
 /// ```
-#[must_use]
 pub fn metrics(pairs: &[(f64, f64)]) -> Option<FitMetrics> {
     let rows = pairs.len() as f64;
     let (low, high) = min_max(pairs.iter().map(|(measured, _)| *measured));

@@ -36,4 +36,5 @@ mod tests;
 
 pub use all_families::fit;
 pub use options::{Choice, Components, Family, FitOptions};
-pub use outcome::{FamilyOutcome, FitError, FitOutcome};
+pub(crate) use outcome::FamilyOutcome;
+pub use outcome::{FitError, FitOutcome};

@@ -2,15 +2,14 @@
 
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, SCHEMA_VERSION,
-    SlowErrorParameters, TrainingRecord,
+    TrainingRecord,
 };
 use i2ris::model::{Hull, Model, ModelError};
 use i2ris::robot::DriveFingerprint;
 use i2ris::units::MAX_OUTPUTS;
 use i2ris_report::statistics::min_max;
 
-use super::metrics::known_from;
-use super::metrics::{metrics, predictions};
+use super::metrics::{known_from, metrics, predictions};
 use super::slow_error::slow_error;
 use super::split::Split;
 use crate::quality::{Finding, Quality};
@@ -23,9 +22,7 @@ pub(super) struct Fitted {
     pub family: FamilyParameters,
     /// Log-likelihood of the mixture, nats per row; `None` for families without one.
     pub log_likelihood: Option<f64>,
-    /// Bayesian information criterion of the mixture.
     pub bic: Option<f64>,
-    /// Random starts per mixture.
     pub restarts: usize,
 }
 
@@ -67,9 +64,7 @@ pub(super) struct FileContext<'a> {
     pub split: &'a Split,
     /// Contains the spikes; `None`: they count.
     pub spikes: Option<&'a Quality>,
-    /// Limits of the recording.
     pub limits: &'a [Finding],
-    /// Indices of the rows used for training.
     pub training: &'a [usize],
     pub hull: &'a HullParameters,
     /// The affine model of the same rows.
@@ -81,11 +76,7 @@ pub(super) struct FileContext<'a> {
 }
 
 impl FileContext<'_> {
-    /// A checked model with its metrics.
-    ///
-    /// # Errors
-    ///
-    /// The model is refused, as it would be by the controller.
+    /// A checked model with its metrics. Fails if the controller would refuse it.
     pub fn model(&self, fitted: &Fitted) -> Result<Model, ModelError> {
         let mut file = self.file(fitted);
         let line = file.training.linear_gain.take();
@@ -100,7 +91,7 @@ impl FileContext<'_> {
         if let Some(covariance) = constant_covariance(&mut file.family) {
             *covariance = self.covariance(&predicted);
         }
-        file.slow_error = self.slow_error(&model);
+        file.slow_error = slow_error(&model, self.recording, &self.held_out_or_training());
         Model::from_file(file)
     }
 
@@ -156,10 +147,6 @@ impl FileContext<'_> {
         let inside: Vec<usize> = self.split.held_out().filter(is_inside).collect();
         let all: Vec<usize> = self.split.held_out().collect();
         if 2 * inside.len() < all.len() { all } else { inside }
-    }
-
-    fn slow_error(&self, model: &Model) -> Option<SlowErrorParameters> {
-        slow_error(model, self.recording, &self.held_out_or_training())
     }
 
     /// Mean products of the errors, for the deviation of an estimate. Camera spikes do not count,

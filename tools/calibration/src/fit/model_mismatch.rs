@@ -54,7 +54,6 @@ struct Noisy {
 impl ModelMismatch {
     /// Looks for evidence that the error in use will be above twice the stated deviation, or is
     /// above five times the noise; `None` if there is none.
-    #[must_use]
     pub fn find(outcome: &FitOutcome, recording: &Recording) -> Option<Self> {
         let unit = outcome.model.file().outputs.first()?.unit;
         let (rows, model) = (recording.rows().len() as f64, &*outcome.model);

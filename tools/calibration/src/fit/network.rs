@@ -3,6 +3,7 @@
 //! The recording provides what the file of a network lacks: the hull, the straight line beyond a
 //! step, the deviation on the held-out rows, and the motion after which it forgets the past.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use i2ris::file_permissions::MAX_MODEL_BYTES;
@@ -16,13 +17,11 @@ use super::all_families::{Training, training};
 use super::model_file::Fitted;
 use super::options::FitOptions;
 use super::outcome::FitError;
-use crate::recording::Recording;
-use crate::regression::linear::LinearFit;
+use crate::recording::{PathPoint, Recording};
+use i2ris_report::statistics::largest_difference;
 
-/// The format of the file of a network.
-pub const NETWORK_FORMAT: &str = "i2ris-network";
-
-/// The version of that format.
+/// Format of the file of a network, and its version.
+const NETWORK_FORMAT: &str = "i2ris-network";
 const VERSION: u32 = 1;
 
 /// Minimum length of the recording, steps.
@@ -35,7 +34,7 @@ const MAX_ERROR_RATIO: f64 = 1.05;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkFile {
-    /// [`NETWORK_FORMAT`].
+    /// `i2ris-network`.
     pub format: String,
     /// 1.
     pub version: u32,
@@ -48,11 +47,7 @@ pub struct NetworkFile {
 }
 
 impl NetworkFile {
-    /// Reads the file of a network.
-    ///
-    /// # Errors
-    ///
-    /// The file is too long, or not a supported network.
+    /// Reads the file of a network. Fails if it is too long, or not a supported network.
     pub fn read(path: &Path) -> Result<Self, NetworkError> {
         let named = |source| NetworkError::Read { path: path.to_owned(), source };
         let length = std::fs::metadata(path).map_err(named)?.len();
@@ -67,8 +62,7 @@ impl NetworkFile {
 
     fn check(&self, recording: &Recording) -> Result<(), NetworkError> {
         if self.format != NETWORK_FORMAT || self.version != VERSION {
-            let found = format!("{} {}", self.format, self.version);
-            return Err(NetworkError::Format { found });
+            return Err(NetworkError::Format(format!("{} {}", self.format, self.version)));
         }
         let names = |inputs: Vec<String>, outputs: &[OutputSpec]| {
             let outputs = outputs.iter().map(|output| format!("{}_{}", output.name, output.unit));
@@ -92,19 +86,12 @@ impl NetworkFile {
 
 /// Travel of the fastest motor, from position to position, counts.
 fn travel(recording: &Recording) -> f64 {
-    let pairs = recording.path().windows(2);
-    let moved = |pair: &[crate::recording::PathPoint]| {
-        let [a, b] = [pair[0].counts, pair[1].counts];
-        (b[0] - a[0]).abs().max((b[1] - a[1]).abs())
-    };
-    pairs.map(moved).sum()
+    let moved = |pair: &[PathPoint]| largest_difference(&pair[1].counts, &pair[0].counts);
+    recording.path().windows(2).map(moved).sum()
 }
 
-/// Makes a model from a network: checked like in the controller, and measured.
-///
-/// # Errors
-///
-/// The network is refused, or the recording determines no hull; see [`NetworkError`].
+/// Makes a model from a network: checked like in the controller, and measured. Fails if the network
+/// is refused, or the recording determines no hull.
 pub fn import(
     file: &NetworkFile,
     recording: &Recording,
@@ -126,22 +113,18 @@ pub fn import(
         let first = context.model(&parameters(ranges)).map_err(refused)?;
         let errors = first.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training));
         let error = errors.map(|fit| fit.rmsd.powi(2)).sum::<f64>().sqrt();
-        let straight = rms(straight, recording, &context.held_out_or_training());
+        let rows = context.held_out_or_training();
+        let square = |row: &usize| {
+            let row = &recording.rows()[*row];
+            let pairs = straight.predict(&row.counts).zip(&row.outputs);
+            pairs.map(|(found, measured)| (found - measured).powi(2)).sum::<f64>()
+        };
+        let straight = (rows.iter().map(square).sum::<f64>() / rows.len() as f64).sqrt();
         if error.is_nan() || error > MAX_ERROR_RATIO * straight {
             return Err(NetworkError::WorseThanLinear { error, straight }.into());
         }
         context.model(&parameters(forgets(&first))).map_err(refused)
     })
-}
-
-/// RMS error of the straight line on some rows.
-fn rms(straight: &LinearFit, recording: &Recording, rows: &[usize]) -> f64 {
-    let errors = rows.iter().map(|row| {
-        let row = &recording.rows()[*row];
-        let pairs = straight.predict(&row.counts).zip(&row.outputs);
-        pairs.map(|(found, measured)| (found - measured).powi(2)).sum::<f64>()
-    });
-    (errors.sum::<f64>() / rows.len() as f64).sqrt()
 }
 
 /// Parts of the hull that are tried, and positions per turn through the hull.
@@ -188,78 +171,37 @@ fn forgets(model: &Model) -> Vec<f64> {
     reach.iter().take(model.motors()).map(|reach| 2.0 * part * reach).collect()
 }
 
-/// Why a network is refused.
+/// Why a network is refused. Errors are RMS, in the unit of the outputs.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum NetworkError {
-    /// The file could not be read.
     #[error("cannot read network {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: std::io::Error,
-    },
-    /// Longer than any supported network.
+    Read { path: PathBuf, source: io::Error },
     #[error("network {path} has {megabytes} MB; at most {} MB are read", MAX_MODEL_BYTES >> 20)]
-    TooLong {
-        /// The file.
-        path: PathBuf,
-        /// Its length.
-        megabytes: u64,
-    },
-    /// Not a network, or with unknown layers.
+    TooLong { path: PathBuf, megabytes: u64 },
     #[error("network {path}: {source}")]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// Kind and place of the error.
-        source: serde_json::Error,
-    },
-    /// Another format or version.
+    Json { path: PathBuf, source: serde_json::Error },
     #[error(
-        "is not a network of this version: `{found}`; write it with i2ris.model.from_torch or \
+        "is not a network of this version: `{0}`; write it with i2ris.model.from_torch or \
          from_onnx"
     )]
-    Format {
-        /// Format and version.
-        found: String,
-    },
-    /// Another direction, or other columns.
+    Format(String),
     #[error(
         "the network goes from {found}, and the recording from {wanted}: train it on those \
          columns, in that order, from counts to angles in degrees"
     )]
-    Columns {
-        /// Columns of the network.
-        found: String,
-        /// Columns of the recording.
-        wanted: String,
-    },
-    /// The recording is too short.
+    Columns { found: String, wanted: String },
     #[error(
         "the recording is {steps} steps of {step_counts} counts long, and the network looks at \
          {least}; record more, or train it on a shorter window"
     )]
-    Window {
-        /// Length of the recording.
-        steps: usize,
-        /// Travel of a step.
-        step_counts: f64,
-        /// Window of the network.
-        least: usize,
-    },
-    /// The network does not match the recording.
+    Window { steps: usize, step_counts: f64, least: usize },
     #[error(
         "on the held-out rows the error of the network is {error:.3}, that of a straight line \
          {straight:.3}: it was trained on another robot, in other units, or with other steps"
     )]
-    WorseThanLinear {
-        /// RMS, in units of the outputs.
-        error: f64,
-        /// RMS of the straight line.
-        straight: f64,
-    },
-    /// The controller would refuse it.
+    WorseThanLinear { error: f64, straight: f64 },
+    /// As the controller would refuse it.
     #[error("the network {0}")]
     Refused(ModelError),
 }

@@ -9,10 +9,8 @@ use i2ris::model::file::{FamilyParameters, Mixture, OutputMetrics};
 
 use super::flatness::flat_spot;
 use super::model_file::{FileContext, Fitted};
-use super::options::Family;
-use super::options::{Components, FitOptions};
-use super::outcome::{FamilyOutcome, Mechanism};
-use super::outcome::{FitError, refused};
+use super::options::{Components, Family, FitOptions};
+use super::outcome::{FamilyOutcome, FitError, Mechanism, noted_also, refused};
 use crate::em::EmError;
 use crate::families::chain::ChainOptions;
 use crate::families::force_balance::search::{Start, fit_force_balance};
@@ -131,8 +129,7 @@ impl FamilyFitter<'_> {
                         "{part} of the covariance of all rows was added to every component: with \
                          less, its inverse did not pass, or a straight line was better"
                     );
-                    *note =
-                        Some(note.take().map_or(words.clone(), |note| format!("{note}; {words}")));
+                    *note = noted_also(note.take(), &words);
                     return Ok(model);
                 }
                 Err(error) => refusal = refusal.or(Some(error)),

@@ -49,7 +49,6 @@ impl Family {
     }
 
     /// Whether models of the family have memory.
-    #[must_use]
     pub fn has_memory(self) -> bool {
         !matches!(self, Self::Linear | Self::Gmr)
     }
@@ -75,10 +74,8 @@ impl FromStr for Family {
     type Err = ParseFamilyError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let found = text.to_owned();
-        let mut families = Self::ALL.into_iter();
-        let named = families.find(|family| family.to_string() == text);
-        named.ok_or(ParseFamilyError { found })
+        let named = Self::ALL.into_iter().find(|family| family.to_string() == text);
+        named.ok_or_else(|| ParseFamilyError { found: text.to_owned() })
     }
 }
 
@@ -110,7 +107,6 @@ impl FromStr for Choice {
 
 impl Choice {
     /// Whether a family is fitted.
-    #[must_use]
     pub fn includes(self, family: Family) -> bool {
         match self {
             Self::Best => true,
@@ -153,7 +149,7 @@ impl Default for FitOptions {
             drives: Vec::new(),
             choice: Choice::Best,
             earlier: None,
-            components: Components::UpTo(MAX_COMPONENTS_TRIED),
+            components: Components::UpTo(12),
             em: EmOptions::default(),
             hold_out: HoldOut::default(),
             spikes: SpikeOptions::default(),
@@ -161,9 +157,6 @@ impl Default for FitOptions {
         }
     }
 }
-
-/// Maximum number of components to try for a mixture on the counts.
-const MAX_COMPONENTS_TRIED: usize = 12;
 
 /// Number of components of a mixture on the counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -20,89 +20,56 @@ use crate::quality::{Finding, Quality};
 use crate::recording::Recording;
 use crate::regression::linear::LinearError;
 
-/// Why there is no model.
+/// Why there is no model. Errors are RMS lengths in the unit of the outputs.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum FitError {
-    /// Too many rows are held out.
     #[error(transparent)]
     Split(#[from] SplitError),
-    /// The motors do not span their space.
     #[error(transparent)]
     Linear(#[from] LinearError),
-    /// A network trained elsewhere is refused.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// An output never changes.
-    #[error(
-        "output `{output}` does not change in the rows used for training; record motion that \
-         changes it, or hold out other rows"
-    )]
-    Constant {
-        /// Name of the output.
-        output: String,
-    },
-    /// No mixture.
     #[error(transparent)]
     Mixture(#[from] EmError),
+    #[error(
+        "output `{0}` does not change in the rows used for training; record motion that changes \
+         it, or hold out other rows"
+    )]
+    Constant(String),
     /// The parameters of the family cannot be found.
     #[error("family `{family}`: {source}")]
-    Family {
-        /// The family.
-        family: Family,
-        /// Cause.
-        source: Box<dyn Error + Send + Sync>,
-    },
-    /// The mixture is flat somewhere.
+    Family { family: Family, source: Box<dyn Error + Send + Sync> },
     #[error("the mixture is refused: {0}; record more of that region")]
     TooFlat(FlatSpot),
-    /// The recording cannot show hysteresis, and the family needs it.
     #[error("{0}")]
     NoHysteresis(Finding),
-    /// On its training rows, the model is worse than a straight line.
     #[error(
         "on the training rows its error is {rms:.3}, that of a straight line \
          {linear_rms:.3}; take `linear`, or record motion with reversals of many sizes"
     )]
-    WorseThanLinear {
-        /// RMS length of its error, in the unit of the outputs.
-        rms: f64,
-        /// RMS length of the error of the straight line.
-        linear_rms: f64,
-    },
+    WorseThanLinear { rms: f64, linear_rms: f64 },
     /// On held-out rows the model is worse than the mean of the measurements.
     #[error(
         "the model of family `{family}` is worthless: {doubt}; record motion with reversals of \
          many sizes of both motors, or use --force to write it with a mark"
     )]
-    Worthless {
-        /// The family.
-        family: Family,
-        /// Cause.
-        doubt: String,
-    },
-    /// A model that cannot be one more start.
+    Worthless { family: Family, doubt: String },
     #[error(
         "the earlier calibration (--model) cannot be a start: {0}; name another one, or leave it \
          out"
     )]
     Earlier(String),
-    /// No rows are held out for the choice.
     #[error(
         "choosing the best family, or an earlier calibration, needs held-out rows; name a family \
          with --family and no --model, or hold something out"
     )]
     NothingToChooseBy,
-    /// The model is refused, as the controller would refuse it.
+    /// As the controller would refuse it.
     #[error("the model of family `{family}` is refused: {source}")]
-    Refused {
-        /// The family.
-        family: Family,
-        /// Cause.
-        source: Box<ModelError>,
-    },
+    Refused { family: Family, source: Box<ModelError> },
 }
 
-/// A model of a family that the controller would refuse.
 pub(super) fn refused(family: Family, source: ModelError) -> FitError {
     FitError::Refused { family, source: Box::new(source) }
 }
@@ -112,7 +79,7 @@ pub(super) fn refused(family: Family, source: ModelError) -> FitError {
 pub struct FitOutcome {
     /// The chosen model: checked, prepared, and measured on the recording.
     pub model: Arc<Model>,
-    /// Its family.
+    /// The chosen family.
     pub family: Family,
     /// The affine model of the same rows, for comparison. It is the same model if `family` is
     /// linear.
@@ -123,14 +90,10 @@ pub struct FitOutcome {
     pub report: FitReport,
 }
 
-/// The result of a family.
 #[derive(Debug)]
 pub struct FamilyOutcome {
-    /// The family.
     pub family: Family,
-    /// The model, or why there is none.
     pub result: Result<Arc<Model>, FitError>,
-    /// Properties of the mechanism, if the family has them.
     pub mechanism: Option<Mechanism>,
     /// Additional note on the fit: remaining components, smoothing.
     pub note: Option<String>,
@@ -144,9 +107,7 @@ pub struct FamilyOutcome {
 /// Properties of the mechanism, derived from parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mechanism {
-    /// Mechanism of `gmr-play`.
     Plays(PlayMechanism),
-    /// Mechanism of `force-balance`.
     Balance(BalanceMechanism),
 }
 
@@ -159,20 +120,14 @@ impl fmt::Display for Mechanism {
     }
 }
 
-impl FamilyOutcome {
-    /// Adds to the note.
-    pub(super) fn note_also(&mut self, text: &str) {
-        self.note =
-            Some(self.note.take().map_or(text.to_owned(), |note| format!("{note}; {text}")));
-    }
+/// A note with a further one.
+pub(super) fn noted_also(note: Option<String>, text: &str) -> Option<String> {
+    Some(note.map_or(text.to_owned(), |note| format!("{note}; {text}")))
 }
 
-/// Report of a fit.
 #[derive(Debug)]
 pub struct FitReport {
-    /// The held-out rows.
     pub split: Split,
-    /// Properties of the recording alone.
     pub quality: Quality,
     /// Indices of the rows used for training.
     pub training: Vec<usize>,
@@ -195,7 +150,6 @@ impl FitOutcome {
     }
 
     /// The error of the chosen model beyond the noise on rows that it had not seen.
-    #[must_use]
     pub fn unexplained(&self, recording: &Recording) -> Option<Unexplained> {
         let predicted = predictions(self.judged()?, recording);
         let rows = self.report.judged.concat();
@@ -205,7 +159,6 @@ impl FitOutcome {
 
     /// Describes the robot by the parameters of a family, and names other families that explain the
     /// recording as well: the robot is not certain to be as one of them describes it.
-    #[must_use]
     pub fn reading(&self, of: &FamilyOutcome) -> Option<String> {
         let mut text = of.mechanism.as_ref()?.to_string().trim_end().to_owned();
         let model = of.result.as_ref().ok()?;

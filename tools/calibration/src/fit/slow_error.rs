@@ -16,10 +16,8 @@ const MIN_SHARE: f64 = 0.85;
 const MIN_TIME_S: f64 = 0.3;
 const MIN_CORRELATED_ROWS: f64 = 2.0;
 
-/// Maximum lag of the autocorrelation, rows.
+/// Maximum lag of the autocorrelation, and its minimum number of rows.
 const LARGEST_LAG: usize = 200;
-
-/// Minimum number of rows for a correlation.
 const MIN_LENGTH: usize = 100;
 
 /// The slow component of the error on these rows; `None` if there is none, or the recording has no
@@ -61,12 +59,14 @@ pub(super) fn slow_error(
 /// The variance of the changes from row to row: the autocovariance of the rest falls exponentially,
 /// so its values at lags of one and two rows show its value at lag 0.
 fn fast_part(series: &[f64]) -> f64 {
-    let covariance = |lag: usize| {
-        let pairs = series.iter().zip(series.get(lag..).unwrap_or_default());
-        pairs.map(|(a, b)| a * b).sum::<f64>() / series.len() as f64
-    };
+    let covariance = |lag: usize| products(series, lag) / series.len() as f64;
     let [all, one, two] = [0, 1, 2].map(covariance);
     if two > 0.0 { (all - one * one / two).max(0.0) } else { all }
+}
+
+/// Sum of the products of values that are this many rows apart.
+fn products(series: &[f64], lag: usize) -> f64 {
+    series.iter().zip(series.get(lag..).unwrap_or_default()).map(|(a, b)| a * b).sum()
 }
 
 /// The direction of the largest variance around 0, and the variances along and across it.
@@ -82,11 +82,10 @@ fn principal(errors: &[[f64; 2]]) -> ([f64; 2], f64, f64) {
 
 /// The number of rows after which the autocorrelation around 0 has fallen to 1/e.
 fn correlation_time(series: &[f64]) -> Option<f64> {
-    let square: f64 = series.iter().map(|value| value * value).sum();
+    let square = products(series, 0);
     let correlation = |lag: usize| {
-        let pairs = series.iter().zip(series.get(lag..).unwrap_or_default());
         let scale = series.len() as f64 / (series.len() - lag) as f64;
-        scale * pairs.map(|(a, b)| a * b).sum::<f64>() / square
+        scale * products(series, lag) / square
     };
     let limit = (-1.0_f64).exp();
     let mut before = 1.0;

@@ -9,10 +9,9 @@ use std::str::FromStr;
 use crate::quality::cycle::{Cycle, last_cycle};
 use crate::recording::{MIN_ROWS, Recording};
 
-/// Share of the rows that is held out in blocks, or without cycles.
+/// Share of the rows that is held out in blocks, or without cycles, and number of the blocks. One
+/// block at the end would judge by one part of the motion.
 const PART: f64 = 0.25;
-
-/// Number of held-out blocks. One block at the end would judge by one part of the motion.
 const BLOCKS: usize = 5;
 
 /// Rows to hold out.
@@ -113,11 +112,7 @@ pub struct SplitError {
 }
 
 impl Split {
-    /// Splits a recording.
-    ///
-    /// # Errors
-    ///
-    /// Fewer than [`MIN_ROWS`] rows would be left for training.
+    /// Splits a recording. Fails if fewer than [`MIN_ROWS`] rows would be left for training.
     pub fn new(recording: &Recording, hold_out: HoldOut) -> Result<Self, SplitError> {
         let rows = recording.rows().len();
         let before = |fraction: f64| rows - (rows as f64 * fraction).round() as usize;
@@ -152,19 +147,16 @@ impl Split {
     }
 
     /// The held-out blocks, in order.
-    #[must_use]
     pub fn blocks(&self) -> &[Range<usize>] {
         &self.held_out
     }
 
     /// Whether nothing is held out.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.held_out().next().is_none()
     }
 
     /// Kind of the held-out rows.
-    #[must_use]
     pub fn kind(&self) -> SplitKind {
         self.kind
     }

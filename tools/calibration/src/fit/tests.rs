@@ -5,10 +5,8 @@ use i2ris::model::file::{FamilyParameters, Mixture};
 
 use super::all_families::fit;
 use super::metrics::{clipped_rows, predictions};
-use super::options::{Choice, Family};
-use super::options::{Components, FitOptions};
-use super::outcome::FitError;
-use super::outcome::FitOutcome;
+use super::options::{Choice, Components, Family, FitOptions};
+use super::outcome::{FitError, FitOutcome};
 use super::split::HoldOut;
 use crate::em::EmOptions;
 use crate::progress::Silent;

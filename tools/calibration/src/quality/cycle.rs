@@ -21,7 +21,7 @@ const IRREGULARITY: f64 = 0.25;
 /// The last cycle of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cycle {
-    /// Index of its first row.
+    /// First row.
     pub start: usize,
     /// Cycles in the whole recording.
     pub cycles: f64,
@@ -104,18 +104,18 @@ fn upward_crossings(counts: &[f64]) -> Vec<usize> {
     crossings
 }
 
-/// Minimum turns of a circulation, if the direction stays the same.
+/// Minimum turns of a circulation, and minimum ratio of their net to their total: 1 for steady
+/// circling, about 0 for a motion to and fro.
 const MIN_TURNS: f64 = 0.75;
-
-/// Minimum ratio of net to total turning of a circulation: 1 for steady circling, about 0 for a
-/// motion to and fro.
 const MIN_STEADINESS: f64 = 0.8;
 
 /// Rows closer to the centre than this part of the half range have no meaningful direction.
 const CENTRE_PART: f64 = 0.3;
 
-/// The phase of every row, rad, unwrapped, when the motors circulate.
-pub(crate) fn circulation(recording: &Recording) -> Option<Vec<f64>> {
+/// The phase of every row, rad, unwrapped, when the motors circulate: they go around one closed
+/// curve in one direction, as on a circle. Every position is then always reached from the same
+/// side, and a lag by hysteresis looks the same as a shift in phase.
+fn circulation(recording: &Recording) -> Option<Vec<f64>> {
     let counts: Vec<MotorVec> = recording.rows().iter().map(|row| row.counts).collect();
     (recording.motors() >= 2).then(|| circles(&counts)).flatten()
 }

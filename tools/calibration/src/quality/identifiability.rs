@@ -13,22 +13,18 @@ use i2ris::units::MotorVec;
 use i2ris_report::statistics::min_max;
 
 /// Minimum return of a motor after a turning point, as a part of its range: larger than noise and
-/// jitter.
+/// jitter. Minimum turning points for a visible loop.
 const REVERSAL_PART: f64 = 0.02;
-
-/// Minimum turning points for a visible loop.
 const MIN_TURNING_POINTS: usize = 2;
 
-/// Turning points within this part of the range are the same one.
+/// Turning points within this part of the range are the same one; a small loop has at most the
+/// other part as a stroke.
 const SAME_PART: f64 = 0.1;
-
-/// Maximum stroke of a small loop, as a part of the range.
 const SMALL_PART: f64 = 0.5;
 
-/// Motors move together if the slower one moves at least this part of the faster one.
+/// Motors move together if the slower one moves at least this part of the faster one. They cover
+/// the plane if they do so on the other part of the path.
 const TOGETHER_PART: f64 = 0.1;
-
-/// Minimum part of the path on which the motors must move together to cover the plane.
 const MIN_TOGETHER: f64 = 0.1;
 
 /// Directions in which a line is looked for.
@@ -43,51 +39,41 @@ const ON_LINE: f64 = 0.12;
 const ON_BOTH: f64 = 0.95;
 const ON_EACH: f64 = 0.2;
 
-/// A limit of the information in a recording; not an error.
+/// A limit of the information in a recording; not an error. Motors are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum Finding {
-    /// A motor that hardly ever reverses.
     FewReversals {
-        /// Counted from 0.
         motor: usize,
-        /// Number of reversals.
         reversals: usize,
     },
     /// Both motors move along one closed curve in one direction, at one frequency.
     Circulation {
-        /// Number of turns.
         turns: f64,
     },
-    /// A motor always reverses at the same two positions.
     OneLoop {
-        /// Counted from 0.
         motor: usize,
     },
-    /// A motor reverses after large strokes only.
+    /// The smallest stroke, percent of the range.
     LargeLoops {
-        /// Counted from 0.
         motor: usize,
-        /// The smallest stroke, percent of the range.
         percent: f64,
     },
-    /// The motors hardly ever move together.
+    /// Part of the path on which the motors move together, percent.
     OneAxisAtATime {
-        /// Part of the path on which they move together, percent.
         percent: f64,
     },
-    /// The motors keep to two lines, as along pitch and then along yaw.
+    /// Part of the positions away from the middle that lie on two lines, as along pitch and then
+    /// along yaw, percent.
     TwoLines {
-        /// Part of the positions away from the middle that lie on them, percent.
         percent: f64,
     },
-    /// Motors that move nearly as one.
+    /// Part of the motion that is independent, percent.
     HardlySeparable {
-        /// Part of the motion that is independent, percent.
         percent: f64,
     },
-    /// Angles so small that they may be radians.
+    /// The largest angle, as recorded.
     MaybeRadians {
-        /// The largest one, as recorded.
         furthest: f64,
     },
 }
@@ -175,8 +161,7 @@ fn motor_finding(series: &Series, motor: usize) -> Option<Finding> {
     let (low, high) = min_max(counts());
     let points = turning_points(counts(), REVERSAL_PART * (high - low));
     if points.len() < MIN_TURNING_POINTS {
-        let reversals = points.len();
-        return Some(Finding::FewReversals { motor, reversals });
+        return Some(Finding::FewReversals { motor, reversals: points.len() });
     }
     // Upper and lower turning points alternate.
     let narrow = |first: usize| {
@@ -188,8 +173,8 @@ fn motor_finding(series: &Series, motor: usize) -> Option<Finding> {
     }
     let strokes = points.windows(2).map(|pair| (pair[1] - pair[0]).abs() / (high - low));
     let smallest = strokes.fold(f64::INFINITY, f64::min);
-    let percent = 100.0 * smallest;
-    (smallest >= SMALL_PART).then_some(Finding::LargeLoops { motor, percent })
+    let found = Finding::LargeLoops { motor, percent: 100.0 * smallest };
+    (smallest >= SMALL_PART).then_some(found)
 }
 
 fn plane_finding(series: &Series) -> Option<Finding> {
@@ -197,8 +182,7 @@ fn plane_finding(series: &Series) -> Option<Finding> {
         return None;
     }
     if let Some(phases) = circles(series.path()) {
-        let turns = turns(&phases);
-        return Some(Finding::Circulation { turns });
+        return Some(Finding::Circulation { turns: turns(&phases) });
     }
     let spans = [0, 1].map(|motor| {
         let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));

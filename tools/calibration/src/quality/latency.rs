@@ -37,10 +37,9 @@ const MAX_SAMPLES: usize = 5000;
 /// Blocks of the jackknife.
 const BLOCKS: usize = 8;
 
-/// Penalty of the regression for features that are similar, relative to features of size 1.
+/// Penalty of the regression for features that are similar, relative to features of size 1, and on
+/// blocks left out, where polynomials diverge without it.
 const PENALTY: f64 = 1e-9;
-
-/// The penalty for blocks left out: without it polynomials diverge there.
 const LEFT_OUT_PENALTY: f64 = 1e-4;
 
 /// Minimum part of the effect of a shift that other features must not compensate. It is 2 to 8 % if
@@ -122,7 +121,6 @@ fn scaled_outputs(seen: &[&TimedOutputs]) -> Option<DMatrix<f64>> {
     (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
 }
 
-/// Data for trying all shifts.
 struct Search<'a> {
     features: Features<'a>,
     outputs: DMatrix<f64>,

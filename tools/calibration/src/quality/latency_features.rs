@@ -10,19 +10,14 @@ use i2ris::units::{MAX_MOTORS, MotorVec};
 use i2ris_report::statistics::min_max;
 use nalgebra::DMatrix;
 
-/// Half-widths of the plays, as parts of the range of a motor.
+/// Half-widths of the plays and lengths of the leashes, as parts of the range of a motor.
 const PLAYS: [f64; 8] = [0.005, 0.01, 0.018, 0.034, 0.063, 0.12, 0.21, 0.4];
-
-/// The same for the lengths of the leashes.
 const LEASHES: [f64; 4] = [0.01, 0.034, 0.12, 0.3];
-
 const LAGS: usize = MAX_MOTORS * (PLAYS.len() + LEASHES.len());
 
-/// Degree of the polynomial in the counts.
+/// Degree of the polynomial in the counts, and degrees of those that multiply lags, the best first.
+/// With lower degrees, a circle in one direction looks late.
 const DEGREE: usize = 5;
-
-/// Degrees of the polynomials that multiply lags, the best first. With lower degrees, a circle in
-/// one direction looks late.
 const LAG_DEGREES: [usize; 2] = [2, 1];
 
 /// Minimum number of samples per feature.
@@ -147,7 +142,6 @@ const fn count(motors: usize, lag_degree: usize) -> usize {
     monomials(motors, DEGREE) + lags(motors) * monomials(motors, lag_degree)
 }
 
-/// Plays and leashes of the motors.
 struct Plays {
     motors: usize,
     plays: [[f64; PLAYS.len()]; MAX_MOTORS],

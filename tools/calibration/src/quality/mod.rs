@@ -21,7 +21,7 @@ pub mod residual_pattern;
 use i2ris::model::file::OutputUnit;
 
 use crate::recording::Recording;
-use crate::regression::linear::{LinearError, LinearFit, fit_linear, independence};
+use crate::regression::linear::{LinearError, fit_linear, independence};
 use crate::series::Series;
 use crate::table::DataTable;
 
@@ -67,7 +67,9 @@ impl Quality {
         }
         for output in 0..recording.outputs().len() {
             let measured: Vec<f64> = rows.iter().map(|row| row.outputs[output]).collect();
-            let residuals = residuals(&measured, &inputs, &linear, output);
+            let predicted = |row| linear.predict(row).nth(output).unwrap_or_default();
+            let pairs = measured.iter().zip(inputs.rows());
+            let residuals: Vec<f64> = pairs.map(|(at, row)| at - predicted(row)).collect();
             let noise = noise_floor(rows, &measured, &residuals);
             let deviation = noise.map_or(0.0, |noise| noise.deviation);
             let spikes = spikes(rows, &residuals, output, &linear, deviation, options);
@@ -92,12 +94,6 @@ impl Quality {
     pub fn is_flagged(&self, row: usize) -> bool {
         self.spikes.binary_search_by_key(&row, |spike| spike.row).is_ok()
     }
-}
-
-fn residuals(measured: &[f64], inputs: &DataTable, linear: &LinearFit, output: usize) -> Vec<f64> {
-    let predicted = |counts| linear.predict(counts).nth(output).unwrap_or_default();
-    let rows = measured.iter().zip(inputs.rows());
-    rows.map(|(measured, counts)| measured - predicted(counts)).collect()
 }
 
 /// All limits of a recording.

@@ -22,15 +22,13 @@ use serde::Serialize;
 use crate::recording::Row;
 use crate::regression::linear::LinearFit;
 
-/// Maximum share of repeated readings while the motors move; a sensor with more is slower than the
-/// rows.
+/// Maximum share of repeated readings while the motors move, as a sensor with more is slower than
+/// the rows, and minimum number of samples of an estimate.
 const MAX_HELD: f64 = 0.5;
-
-/// Minimum number of samples of an estimate.
 const MIN_SAMPLES: usize = 20;
 
 /// Standard deviation of a Gaussian over the median of its absolute values.
-pub(crate) const DEVIATION_PER_MAD: f64 = 1.4826;
+const DEVIATION_PER_MAD: f64 = 1.4826;
 
 /// Noise of one measured output.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -121,7 +119,17 @@ pub struct Spike {
     pub distance: f64,
 }
 
-/// Flags the readings of one output. `residuals` are those of `linear`, one per row; `noise` is the
+/// Spikes of one output: readings that neither their neighbours nor the motion of the motors
+/// explain, for example when a camera detects something else as the marker.
+///
+/// A Hampel filter (F. R. Hampel, "The influence curve and its role in robust estimation", 1974) on
+/// the residuals of a linear model of the counts: a row is flagged when it is further from the
+/// median of its neighbourhood than `threshold` robust standard deviations **plus** the change that
+/// the motors can cause in that neighbourhood by the linear model. The addition keeps fast motion,
+/// steps of the motors and the branches of hysteresis from being taken for spikes. A step that
+/// stays is never flagged: from the step on, it is its own neighbourhood.
+///
+/// `residuals` are those of `linear`, one per row; `noise` is the
 /// standard deviation of the measurement, if known, so that slow motion with little noise does not
 /// make the filter too sensitive.
 pub(crate) fn spikes(
@@ -146,14 +154,12 @@ pub(crate) fn spikes(
         let others = rows[window(row)].iter();
         median_of(others.map(|other| travel(gain, &rows[row], other)).collect())
     };
-    let mut spikes = Vec::new();
-    for (row, distance) in distances.into_iter().enumerate() {
-        if distance.abs() > threshold + motion(row) {
-            let (line, measured) = (rows[row].line, rows[row].outputs[output]);
-            spikes.push(Spike { row, line, output, measured, distance });
-        }
-    }
-    spikes
+    let spike = |(row, distance): (usize, f64)| {
+        let (line, measured) = (rows[row].line, rows[row].outputs[output]);
+        let is_spike = distance.abs() > threshold + motion(row);
+        is_spike.then_some(Spike { row, line, output, measured, distance })
+    };
+    distances.into_iter().enumerate().filter_map(spike).collect()
 }
 
 /// Change of an output between two rows if the effects of the motors add up.

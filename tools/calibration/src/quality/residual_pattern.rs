@@ -29,7 +29,6 @@ const COUNTS_PER_TURN: f64 = 1024.0;
 
 const BLOCKS: usize = 40;
 const FOLDS: usize = 5;
-
 /// Penalty, relative to features of size 1.
 const PENALTY: f64 = 1e-3;
 

@@ -11,8 +11,7 @@ use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use super::columns::{Column, ColumnMap, Header, Layout, TimeColumn, Wanted, unit_s};
 use super::error::{Place, Problem, RecordingError};
 use super::rows::Row;
-use super::sheet::Sheet;
-use super::sheet::{is_missing, number, seconds};
+use super::sheet::{Sheet, is_missing, number, seconds};
 
 type Range = RangeInclusive<f64>;
 type Parse = fn(&str, bool) -> Option<f64>;

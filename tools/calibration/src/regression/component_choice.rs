@@ -17,13 +17,10 @@ use crate::parallel;
 use crate::progress::{Progress, Silent};
 use crate::series::blocks;
 
-/// Blocks left out one at a time.
+/// Blocks left out one at a time, maximum number of rows, evenly spaced, and random starts of every
+/// tested mixture.
 const BLOCKS: usize = 5;
-
-/// Maximum number of rows for the choice, evenly spaced.
 const ROWS: usize = 3000;
-
-/// Random starts of every tested mixture.
 const RESTARTS: usize = 4;
 
 /// Minimum relative reduction of the mean square error by more components.
@@ -32,7 +29,7 @@ const MIN_GAIN: f64 = 0.02;
 /// For every number of components, the mean squared error of the inverse over the rows, in outputs
 /// by the gain of a straight line, each row left out with its block. Infinite if a mixture could
 /// not be fitted.
-pub(crate) fn left_out_errors(
+fn left_out_errors(
     data: &RegressionData,
     components: &[usize],
     em: &EmOptions,
@@ -41,7 +38,7 @@ pub(crate) fn left_out_errors(
     let thinned = data.thinned(data.len().div_ceil(ROWS).max(1));
     let em = EmOptions { restarts: em.restarts.min(RESTARTS), ..em.clone() };
     let blocks = blocks(thinned.len(), BLOCKS);
-    let many = blocks.len().max(1);
+    let many = blocks.len();
     let motors = thinned.inputs.width();
     let positions: Vec<MotorVec> = thinned.inputs.rows().map(filled).collect();
     let straight = fit_linear(&thinned.inputs, &thinned.outputs).ok();
@@ -81,7 +78,7 @@ pub(crate) fn choose_components(
 }
 
 /// Index of the first error that is hardly above the minimum.
-pub(crate) fn first_near_least(errors: &[f64]) -> Option<usize> {
+fn first_near_least(errors: &[f64]) -> Option<usize> {
     let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
     let near = |error: &f64| error.is_finite() && *error <= least * (1.0 + MIN_GAIN);
     errors.iter().position(near)

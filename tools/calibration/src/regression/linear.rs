@@ -38,23 +38,18 @@ impl LinearFit {
 pub enum LinearError {
     #[error("{rows} row(s) do not determine an affine model, {least} would; record more")]
     TooFewRows { rows: usize, least: usize },
+    /// A motor, counted from 0.
     #[error(
-        "motor {motor} does not move in the rows used for training; move that motor, or hold \
-         out other rows"
+        "motor {0} does not move in the rows used for training; move that motor, or hold out \
+         other rows"
     )]
-    Still {
-        /// Counted from 0.
-        motor: usize,
-    },
+    Still(usize),
     #[error(
         "the motors move together: only {percent:.2} % of a motor's motion is independent of the \
          other, so their effects cannot be separated; record motion in which they move \
          separately, or name one motor with --counts"
     )]
-    Inseparable {
-        /// Part of the motion that is independent, percent.
-        percent: f64,
-    },
+    Inseparable { percent: f64 },
 }
 
 /// Part of the motion of each of two inputs that is independent of the other, 0 to 1:
@@ -86,7 +81,7 @@ pub fn fit_linear(inputs: &DataTable, outputs: &DataTable) -> Result<LinearFit, 
     let y = centred(outputs, &output_mean);
     let deviation = DVector::from_fn(d, |i, _| x.column(i).norm() / (rows as f64).sqrt());
     if let Some(motor) = deviation.iter().position(|deviation| *deviation == 0.0) {
-        return Err(LinearError::Still { motor });
+        return Err(LinearError::Still(motor));
     }
     let independent = independence(inputs);
     let inseparable = LinearError::Inseparable { percent: 100.0 * independent };
@@ -111,8 +106,7 @@ fn least_squares(x: &DMatrix<f64>, y: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let factors = x.clone().qr();
     let mut turned = y.clone();
     factors.q_tr_mul(&mut turned);
-    let r = factors.r();
-    r.solve_upper_triangular(&turned.rows(0, x.ncols()))
+    factors.r().solve_upper_triangular(&turned.rows(0, x.ncols()))
 }
 
 /// Covariance of residuals with `freedom` degrees of freedom.
@@ -200,7 +194,7 @@ mod tests {
         assert!(independence(&second(|i| i + 0.5 * (i % 2.0).floor())) < 0.03);
         let refusal = |inputs| fit_linear(&inputs, &y).unwrap_err();
         assert_contains(&refusal(second(|i| 3.0 - 2.0 * i)), &["only 0.00 % of a motor"]);
-        assert_eq!(refusal(second(|_| 3.0)), LinearError::Still { motor: 1 });
+        assert_eq!(refusal(second(|_| 3.0)), LinearError::Still(1));
         let few = DataTable::from_rows(2, [[0.0, 1.0], [1.0, 0.0], [2.0, 2.0]]);
         assert_eq!(refusal(few), LinearError::TooFewRows { rows: 3, least: 4 });
     }

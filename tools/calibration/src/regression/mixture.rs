@@ -16,16 +16,13 @@ use i2ris_report::statistics::min_max;
 use nalgebra::DMatrix;
 
 use super::linear::fit_linear;
-use crate::em::EmError;
-use crate::em::{EmOptions, fit_mixture};
-use crate::em::{MixtureFit, most_components};
+use crate::em::{EmError, EmOptions, MixtureFit, fit_mixture, most_components};
 use crate::progress::Progress;
 use crate::table::DataTable;
 
-/// Window to either side to detect motion of a motor: encoders flicker by a count.
+/// A motor moves if in a window to either side, as encoders flicker by a count, it covers this part
+/// of the fastest motor's motion, as parts of their ranges.
 const WINDOW: usize = 5;
-
-/// A motor moves if it covers this part of the fastest motor's motion, as parts of their ranges.
 const MOVES: f64 = 0.1;
 
 /// The motors move together if they do so in this part of the rows.
@@ -47,7 +44,6 @@ pub(crate) struct RegressionData {
     moving: Option<Vec<[bool; 2]>>,
 }
 
-/// A fitted mixture regression.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RegressionFit {
     pub mixture: Mixture,

@@ -14,19 +14,12 @@ const ROUNDING: f64 = 1e-11;
 /// Kuhn, Tucker).
 pub fn nnls(gram: &DMatrix<f64>, rhs: &DVector<f64>) -> DVector<f64> {
     let size = rhs.len();
-    let mut search = ActiveSet {
-        gram,
-        rhs,
-        x: DVector::zeros(size),
-        free: vec![false; size],
-        barred: vec![false; size],
-    };
+    let (x, free, barred) = (DVector::zeros(size), vec![false; size], vec![false; size]);
+    let mut search = ActiveSet { gram, rhs, x, free, barred };
     // Each pass lowers the objective or bars an unknown; at most three passes per unknown are
     // usual.
     for _ in 0..10 * size {
-        let Some(entering) = search.entering() else {
-            break;
-        };
+        let Some(entering) = search.entering() else { break };
         search.enter(entering);
     }
     search.x
@@ -47,8 +40,8 @@ impl ActiveSet<'_> {
     fn entering(&self) -> Option<usize> {
         let gradient = self.rhs - self.gram * &self.x;
         let least = ROUNDING * self.rhs.amax();
-        let candidates = (0..gradient.len())
-            .filter(|i| !self.free[*i] && !self.barred[*i] && gradient[*i] > least);
+        let is_open = |i: &usize| !self.free[*i] && !self.barred[*i] && gradient[*i] > least;
+        let candidates = (0..gradient.len()).filter(is_open);
         candidates.max_by(|a, b| gradient[*a].total_cmp(&gradient[*b]))
     }
 

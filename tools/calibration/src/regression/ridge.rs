@@ -37,8 +37,7 @@ pub(crate) fn ridge(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Option<R
         let features = standard.rows(from, height).into_owned();
         NormalEquations::new(&features, &outputs.rows(from, height).into_owned())
     });
-    let first = parts.first()?.clone();
-    let whole = parts.iter().skip(1).fold(first, |sum, part| sum.plus(part, 1.0));
+    let whole = NormalEquations::total(&parts, None)?;
     let errors = parallel::map(PENALTIES.len(), |penalty| {
         let error = |part: &NormalEquations| {
             let others = whole.plus(part, -1.0);
@@ -53,7 +52,6 @@ pub(crate) fn ridge(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Option<R
     Some(RidgeFit { coefficients, left_out_error: error / features.nrows() as f64 })
 }
 
-/// Means and deviations of the features.
 struct FeatureScaling {
     means: DVector<f64>,
     deviations: DVector<f64>,
@@ -101,7 +99,7 @@ pub(crate) struct NormalEquations {
 }
 
 impl NormalEquations {
-    pub(crate) fn new(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Self {
+    pub fn new(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Self {
         Self {
             features: features.tr_mul(features),
             cross: features.tr_mul(outputs),

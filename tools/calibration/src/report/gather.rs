@@ -11,11 +11,10 @@ use super::figures::planar;
 use super::fit::{
     Branches, CalibrationReport, Errors, FamilyResult, OutputFacts, RecordingFacts, Straight, Track,
 };
-use crate::fit::FamilyOutcome;
 use crate::fit::metrics::{clipped_rows, predictions};
 use crate::fit::model_mismatch::ModelMismatch;
 use crate::fit::split::Split;
-use crate::fit::{Choice, Components, FitOptions, FitOutcome};
+use crate::fit::{Choice, Components, FamilyOutcome, FitOptions, FitOutcome};
 use crate::hand_limits::HandLimits;
 use crate::quality::{inputs, outputs};
 use crate::recording::{ReadReport, Recording};

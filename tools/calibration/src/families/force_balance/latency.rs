@@ -17,7 +17,6 @@ use crate::series::blocks;
 pub struct RemainingLatency {
     /// Below 0: they are early.
     pub seconds: f64,
-    /// Its standard deviation.
     pub deviation_s: f64,
 }
 

@@ -24,7 +24,6 @@ pub(super) trait LeastSquares: Sync {
     fn slopes(&self, at: &DVector<f64>) -> Option<DMatrix<f64>>;
 }
 
-/// When a search ends.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StoppingRule {
     pub iterations: usize,
@@ -32,7 +31,6 @@ pub(super) struct StoppingRule {
     pub tolerance: f64,
 }
 
-/// The end of a search.
 #[derive(Debug, Clone)]
 pub(super) struct Minimum {
     pub at: DVector<f64>,

@@ -15,10 +15,8 @@ const HALF_RANGE: f64 = 1000.0;
 const USUAL_GAP: f64 = 0.02;
 const MOST_GAP: f64 = 0.2;
 
-/// Properties of the mechanism.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BalanceMechanism {
-    /// One per motor.
     pub motors: Vec<BalanceMotorFound>,
     /// What the recording did not show.
     pub not_shown: Vec<String>,
@@ -27,9 +25,7 @@ pub struct BalanceMechanism {
 /// A number with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
-    /// The number.
     pub value: f64,
-    /// Its standard deviation.
     pub deviation: f64,
 }
 

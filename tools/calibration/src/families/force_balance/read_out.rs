@@ -16,17 +16,16 @@ use super::levenberg_marquardt::squares_of;
 const DECAY: f64 = 0.5;
 const FIRST: f64 = 0.5;
 
-/// Penalty of straight terms: none but for what is not determined at all.
+/// Penalty of straight terms, none but for what is not determined at all, and of a mixed term that
+/// the samples do not show.
 const LEAST: f64 = 1e-6;
-
-/// Penalty of a mixed term that the samples do not show.
 const MOST: f64 = 1e4;
 
 /// Relative ridge on the asymmetries: where an output is the bend of one motor, an even term may be
 /// of either.
 const AMBIGUOUS: f64 = 1e-3;
 
-/// The features of samples, and how their coefficients are held.
+/// Features of samples, and the rules that hold their coefficients.
 #[derive(Debug, Clone)]
 pub(super) struct ReadOut {
     pub degree: usize,
@@ -39,7 +38,6 @@ pub(super) struct ReadOut {
     pub ratio: f64,
 }
 
-/// A polynomial that was solved for.
 pub(super) struct Solved {
     features: DMatrix<f64>,
     held: DMatrix<f64>,

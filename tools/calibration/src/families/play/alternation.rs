@@ -5,9 +5,7 @@ use i2ris::model::MixtureRegression;
 use nalgebra::DMatrix;
 
 use super::thresholds::{BLOCKS, ROWS};
-use super::weights::Polynomial;
-use super::weights::{Linearised, Weights, fit_weights};
-use super::weights::{PlayStates, motor_vectors};
+use super::weights::{Linearised, PlayStates, Polynomial, Weights, fit_weights, motor_vectors};
 use crate::em::EmOptions;
 use crate::parallel;
 use crate::progress::{Progress, Silent};
@@ -15,16 +13,12 @@ use crate::regression::mixture::{RegressionData, residuals};
 use crate::series::blocks;
 use crate::table::DataTable;
 
-/// Components of the mixture for which weights are improved.
+/// Components of the mixture for which weights are improved, and starts of its fit.
 const COMPONENTS: usize = 8;
-
-/// Starts of its mixture fit.
 const RESTARTS: usize = 3;
 
-/// Maximum number of passes.
+/// Maximum number of passes, and minimum relative reduction of the error by each.
 const PASSES: usize = 3;
-
-/// Minimum relative reduction of the error by a pass.
 const MIN_GAIN: f64 = 0.005;
 
 /// Half the step of the differences for slopes, scaled virtual counts.

@@ -8,7 +8,7 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use nalgebra::DVector;
 
 use super::super::chain::{ChainError, ChainFit, ChainOptions, fit_chain};
-use super::super::operator_trace::{UnknownMemory, trace_plays};
+use super::super::operator_trace::trace_plays;
 use super::alternation::alternate;
 use super::thresholds::{ThresholdRange, search};
 use super::weights::PlayStates;
@@ -25,7 +25,6 @@ pub struct PlayFit {
     pub plays: PlayParameters,
     /// Maps virtual counts to outputs.
     pub chain: ChainFit,
-    /// Properties of the mechanism.
     pub mechanism: PlayMechanism,
     /// RMS error on blocks left out, with the chosen thresholds.
     pub search_rms: f64,
@@ -68,16 +67,17 @@ pub fn fit_play(
         return Err(PlayError::TooFewSamples(samples, MIN_ROWS));
     }
     let ranges = ThresholdRange::of_motors(series).map_err(PlayError::Still)?;
-    let chosen = search(series, &ranges, progress)?.ok_or(PlayError::Degenerate)?;
-    let states = PlayStates::new(series, &chosen.thresholds)?;
+    let chosen = search(series, &ranges, progress)?;
+    let (thresholds, error) = chosen.ok_or(PlayError::Degenerate)?;
+    let states = PlayStates::new(series, &thresholds)?;
     let (weights, passes) =
         alternate(&states, &options.em, progress).ok_or(PlayError::Degenerate)?;
-    let plays = chosen.thresholds.with(&weights);
+    let plays = thresholds.with(&weights);
     let virtual_counts = DataTable::from_matrix(&(states.virtual_counts(&weights) * states.scale));
     let mechanism =
         PlayMechanism::new(&plays, &virtual_counts, &DataTable::from_matrix(&states.outputs))?;
     let chain = chain(&plays, series, options, progress)?;
-    Ok(PlayFit { plays, chain, mechanism, search_rms: chosen.error.sqrt(), passes })
+    Ok(PlayFit { plays, chain, mechanism, search_rms: error.sqrt(), passes })
 }
 
 fn chain(
@@ -86,13 +86,12 @@ fn chain(
     options: &ChainOptions,
     progress: &dyn Progress,
 ) -> Result<ChainFit, PlayError> {
-    let points = trace_plays(series, plays, UnknownMemory::LeaveOut)?;
+    let points = trace_plays(series, plays)?;
     Ok(fit_chain(series, &points, options, progress)?)
 }
 
 /// Why no plays could be fitted.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum PlayError {
     #[error("{0} sample(s) do not determine play operators, {1} might; record more")]
     TooFewSamples(usize, usize),
@@ -115,10 +114,8 @@ pub enum PlayError {
     Chain(#[from] ChainError),
 }
 
-/// Properties of the mechanism.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlayMechanism {
-    /// One per motor.
     pub motors: Vec<PlayMotor>,
     /// Rotation of the axes of two motors against those of two outputs, deg, counter-clockwise,
     /// -180...180: 0 if motor 0 moves output 0 upwards and motor 1 output 1, in either direction.

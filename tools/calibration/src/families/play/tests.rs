@@ -5,11 +5,9 @@ use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
 use nalgebra::{DVector, SVector};
 use proptest::prelude::*;
 
-use super::play_fit::PlayError;
-use super::play_fit::fit_play;
+use super::play_fit::{PlayError, fit_play};
 use super::thresholds::Thresholds;
-use super::weights::PlayStates;
-use super::weights::{FIRST_WEIGHT, Weights, fit_weights, improve};
+use super::weights::{FIRST_WEIGHT, PlayStates, Weights, fit_weights, improve};
 use crate::em::EmOptions;
 use crate::families::chain::ChainOptions;
 use crate::progress::Silent;

@@ -1,4 +1,8 @@
-//! Thresholds, and the range of them that the path of the motors can show.
+//! Thresholds within the range that the path of the motors can show. Their number and range are
+//! chosen by the error on blocks left out.
+//!
+//! Each choice is tested with the parts of the whole model: virtual counts with weights from the
+//! other samples, and a ridge regression on their shape and on all lags.
 
 use i2ris::model::ModelError;
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
@@ -98,22 +102,18 @@ fn longest_travel(counts: &[f64]) -> f64 {
 /// residual.
 const DEGREES: [(usize, usize); 2] = [(5, 0), (5, 1)];
 
-/// Blocks left out one at a time.
+/// Blocks left out one at a time, and maximum number of samples of a choice.
 pub(super) const BLOCKS: usize = 5;
-
-/// Maximum number of samples of a choice.
 pub(super) const ROWS: usize = 4000;
 
-/// Tops that are tried for all motors together, as parts of the range.
-pub(super) const TOPS: [f64; 6] = [0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
-
-/// Shifts of the top that are tried for one motor at a time.
+/// Tops that are tried for all motors together, as parts of the range, and then shifts of the top
+/// for one motor at a time.
+const TOPS: [f64; 6] = [0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 const SHIFTS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
 
-/// Numbers of plays above the threshold 0 that are tried; the first one is the start.
+/// Numbers of plays above the threshold 0, and of planar plays, that are tried; the first one is
+/// the start.
 const COUNTS: [usize; 4] = [8, 7, 9, 10];
-
-/// Numbers of planar plays that are tried; the first one is the start.
 const PLANAR: [usize; 4] = [6, 0, 4, 10];
 
 /// Minimum relative reduction of the error by a larger model.
@@ -146,20 +146,13 @@ impl ThresholdChoice {
     }
 }
 
-/// The chosen thresholds.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct ChosenThresholds {
-    pub thresholds: Thresholds,
-    /// Mean square of the error on blocks left out.
-    pub error: f64,
-}
-
-/// Searches the thresholds. `None` when the outputs cannot be regressed on the counts at all.
+/// Searches the thresholds; also returns the mean square of their error on blocks left out. `None`
+/// when the outputs cannot be regressed on the counts at all.
 pub(super) fn search(
     series: &Series,
     ranges: &[ThresholdRange],
     progress: &dyn Progress,
-) -> Result<Option<ChosenThresholds>, ModelError> {
+) -> Result<Option<(Thresholds, f64)>, ModelError> {
     let motors = ranges.len();
     let planar = if motors == 2 { &PLANAR[1..] } else { &[] };
     progress.begin(TOPS.len() + SHIFTS.len() * motors + COUNTS.len() - 1 + planar.len());
@@ -172,9 +165,7 @@ pub(super) fn search(
         search.consider(start(top), 0.0)?;
     }
     for motor in 0..motors {
-        let Some((from, _)) = search.best.clone() else {
-            break;
-        };
+        let Some((from, _)) = search.best.clone() else { break };
         for shift in SHIFTS {
             let mut choice = from.clone();
             choice.tops[motor] = (choice.tops[motor] + shift).min(1.0);
@@ -188,9 +179,7 @@ pub(super) fn search(
         search.vary(&|choice| choice.planar = *planar)?;
     }
     progress.end();
-    Ok(search
-        .best
-        .map(|(choice, error)| ChosenThresholds { thresholds: choice.thresholds(ranges), error }))
+    Ok(search.best.map(|(choice, error)| (choice.thresholds(ranges), error)))
 }
 
 struct ThresholdSearch<'a> {
@@ -204,9 +193,7 @@ struct ThresholdSearch<'a> {
 
 impl ThresholdSearch<'_> {
     fn vary(&mut self, change: &dyn Fn(&mut ThresholdChoice)) -> Result<(), ModelError> {
-        let Some((mut choice, _)) = self.best.clone() else {
-            return Ok(());
-        };
+        let Some((mut choice, _)) = self.best.clone() else { return Ok(()) };
         let before = choice.size();
         change(&mut choice);
         let gain = if choice.size() > before { MIN_GAIN } else { -MIN_GAIN };
@@ -236,23 +223,18 @@ fn left_out_error(states: &PlayStates) -> Option<f64> {
     let blocks = blocks(states.rows(), BLOCKS);
     let errors = parallel::map(blocks.len(), |block| {
         let (seen, unseen) = states.split(&blocks[block]);
-        block_errors(&seen, &unseen)
+        let weights = fit_weights(&seen)?;
+        let error = |degrees: (usize, usize)| {
+            let fit = ridge(&seen.features(&weights, degrees), &seen.outputs)?;
+            let predicted = unseen.features(&weights, degrees) * fit.coefficients;
+            Some((&unseen.outputs - predicted).norm_squared())
+        };
+        DEGREES.into_iter().map(error).collect::<Option<Vec<f64>>>()
     });
-    let errors: Vec<_> = errors.into_iter().collect::<Option<_>>()?;
+    let errors: Vec<Vec<f64>> = errors.into_iter().collect::<Option<_>>()?;
     let sum = |degrees: usize| errors.iter().map(|errors| errors[degrees]).sum::<f64>();
     let least = (0..DEGREES.len()).map(sum).min_by(f64::total_cmp)?;
     Some(least / states.rows() as f64)
-}
-
-fn block_errors(seen: &PlayStates, unseen: &PlayStates) -> Option<[f64; DEGREES.len()]> {
-    let weights = fit_weights(seen)?;
-    let mut errors = [0.0; DEGREES.len()];
-    for (error, degrees) in errors.iter_mut().zip(DEGREES) {
-        let fit = ridge(&seen.features(&weights, degrees), &seen.outputs)?;
-        let predicted = unseen.features(&weights, degrees) * fit.coefficients;
-        *error = (&unseen.outputs - predicted).norm_squared();
-    }
-    Some(errors)
 }
 
 #[cfg(test)]

@@ -12,15 +12,13 @@ use i2ris::model::ModelError;
 use i2ris::units::MotorVec;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::super::operator_trace::{TracePoint, UnknownMemory, feature_matrix, trace_plays};
+use super::super::operator_trace::{TracePoint, feature_matrix, trace_plays};
 use super::thresholds::Thresholds;
 use crate::regression::nnls::nnls;
 use crate::series::Series;
 
-/// Steps of a fit.
+/// Steps of a fit, and halvings of a step that does not lower the error.
 const STEPS: usize = 4;
-
-/// Halvings of a step that does not lower the error.
 const HALVINGS: usize = 4;
 
 /// Minimum weight of the threshold 0, if the weights of a motor sum to 1: at a turning point the
@@ -120,15 +118,12 @@ fn normalised(weights: DVector<f64>) -> DVector<f64> {
     weights
 }
 
-/// The same weight for every play.
-fn even(states: &PlayStates) -> Weights {
-    let sizes = states.plays.iter().map(|plays| plays.ncols());
-    sizes.map(|size| DVector::from_element(size, 1.0 / size as f64)).collect()
-}
-
-/// Fits weights with a polynomial. `None` if the outputs cannot be regressed on the counts.
+/// Fits weights with a polynomial, from the same weight for every play. `None` if the outputs
+/// cannot be regressed on the counts.
 pub(super) fn fit_weights(states: &PlayStates) -> Option<Weights> {
-    improve(states, even(states)).map(|(weights, _)| weights)
+    let sizes = states.plays.iter().map(|plays| plays.ncols());
+    let even = sizes.map(|size| DVector::from_element(size, 1.0 / size as f64)).collect();
+    improve(states, even).map(|(weights, _)| weights)
 }
 
 /// Improves weights, and returns the remaining sum of squares. No step raises it.
@@ -174,10 +169,9 @@ pub(super) struct PlayStates {
 }
 
 impl PlayStates {
-    /// Runs the plays along the path. Samples before their memory is known are left out, as in the
-    /// fit of the chain.
+    /// Runs the plays along the path.
     pub fn new(series: &Series, thresholds: &Thresholds) -> Result<Self, ModelError> {
-        let points = trace_plays(series, &thresholds.idle(), UnknownMemory::LeaveOut)?;
+        let points = trace_plays(series, &thresholds.idle())?;
         let counts = points.iter().flat_map(|point| point.virtual_counts);
         let scale = counts.fold(1.0, |most: f64, count| most.max(count.abs()));
         let mut first = 0;
@@ -192,8 +186,9 @@ impl PlayStates {
             }));
             first += thresholds.len() - 1;
         }
-        let output = |row: usize, output: usize| points[row].outputs[output];
-        let outputs = DMatrix::from_fn(points.len(), series.outputs(), output);
+        let outputs = DMatrix::from_fn(points.len(), series.outputs(), |row, output| {
+            points[row].outputs[output]
+        });
         Ok(Self { points, plays, outputs, scale })
     }
 
@@ -248,18 +243,17 @@ pub(super) fn motor_vectors(matrix: &DMatrix<f64>) -> Vec<MotorVec> {
     (0..matrix.nrows()).map(row).collect()
 }
 
-/// Highest degree.
+/// Highest degree, and samples per monomial: with fewer, the degree is lower.
 const DEGREE: usize = 5;
-
-/// Samples per monomial: with fewer, the degree is lower.
 const ROWS_PER_MONOMIAL: usize = 15;
 
 /// Added to the diagonal of the normal equations, as a part of its mean: on a recording of one
 /// axis, some monomials are the same.
 const REGULARISATION: f64 = 1e-10;
 
-/// Monomials of the virtual counts, at every sample.
-pub(crate) struct Polynomial {
+/// A polynomial of the virtual counts: a smooth substitute for the regression after the plays. It
+/// has the monomials at every sample.
+pub(super) struct Polynomial {
     /// Powers of every variable.
     exponents: Vec<Vec<i32>>,
     /// Row: sample, column: monomial.
