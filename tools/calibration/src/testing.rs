@@ -32,12 +32,10 @@ fn recorded(
     for index in 0..rows {
         let time = index as f64 * 0.2;
         let (counts, [pitch, yaw]) = row(time);
-        let row = Row::new(Some(time), counts, [pitch, yaw, 0.0]);
-        writer.row(&row).unwrap();
+        writer.row(&Row::new(Some(time), counts, [pitch, yaw, 0.0])).unwrap();
     }
     writer.finish().unwrap();
-    let columns = ColumnMap::default();
-    Recording::read(file.path(), &columns).unwrap().0
+    Recording::read(file.path(), &ColumnMap::default()).unwrap().0
 }
 
 /// An output in degrees.
@@ -76,6 +74,13 @@ pub(crate) fn wander(time: f64) -> [f64; 2] {
 /// Angles of a straight model at counts.
 pub(crate) fn straight([a, b]: [f64; 2]) -> [f64; 2] {
     [0.02 * a - 0.015 * b + 2.0, 0.015 * a + 0.02 * b - 5.0]
+}
+
+/// Moves plays of a half-width with the counts.
+pub(crate) fn play<const N: usize>(played: &mut [f64; N], counts: [f64; N], half: f64) {
+    for (played, counts) in played.iter_mut().zip(counts) {
+        *played = played.clamp(counts - half, counts + half);
+    }
 }
 
 /// Options for tests that need only a few starts.

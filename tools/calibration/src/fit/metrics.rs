@@ -29,7 +29,7 @@ pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUT
 
 /// Calls `at` with every row of a recording and the model's memory, which follows the path of the
 /// motors from the first position.
-pub(super) fn along(model: &Model, recording: &Recording, mut at: impl FnMut(usize, &Memory)) {
+pub(crate) fn along(model: &Model, recording: &Recording, mut at: impl FnMut(usize, &Memory)) {
     let (mut memory, mut next) = (model.new_memory(), 0);
     for (index, row) in recording.rows().iter().enumerate() {
         for (counts, time_s) in recording.steps(next..row.path_index + 1) {

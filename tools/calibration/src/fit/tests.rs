@@ -5,6 +5,7 @@ use i2ris::model::file::{FamilyParameters, Mixture};
 
 use super::all_families::fit;
 use super::metrics::{clipped_rows, predictions};
+use super::model_file::constant_covariance;
 use super::options::{Choice, Components, Family, FitOptions};
 use super::outcome::{FitError, FitOutcome};
 use super::split::HoldOut;
@@ -13,7 +14,7 @@ use crate::progress::Silent;
 use crate::quality::SpikeOptions;
 use crate::recording::Recording;
 use crate::testing::{
-    assert_contains, assert_near, few_starts, noise, one_motor, recording, straight, wander,
+    assert_contains, assert_near, few_starts, noise, one_motor, play, recording, straight, wander,
 };
 
 #[track_caller]
@@ -38,7 +39,6 @@ fn holding_out(hold_out: HoldOut) -> FitOptions {
     FitOptions { hold_out, ..options() }
 }
 
-/// Few restarts: these tests do not need the best of many.
 fn options() -> FitOptions {
     FitOptions {
         choice: Choice::One(Family::Gmr),
@@ -83,6 +83,10 @@ fn held_out(model: &Model, output: usize) -> f64 {
     model.file().metrics[output].held_out.unwrap().rmsd
 }
 
+fn deviation(model: &Model, output: usize) -> f64 {
+    constant_covariance(&mut model.file().family.clone()).unwrap()[output][output].sqrt()
+}
+
 #[test]
 fn a_mixture_follows_a_bend_that_a_straight_model_cannot() {
     let outcome = fitted(&bent(2000), &options());
@@ -95,12 +99,7 @@ fn a_mixture_follows_a_bend_that_a_straight_model_cannot() {
 
 #[test]
 fn gain_and_noise_of_a_straight_snake_are_found() {
-    let mut random = noise(3);
-    let snake = recording(400, |time| {
-        let angles = straight(wander(time)).map(|angle| angle + 0.1 * random());
-        (wander(time), angles)
-    });
-    let outcome = fitted(&snake, &of_family(Family::Linear));
+    let outcome = fitted(&wandering_with_noise(), &of_family(Family::Linear));
     assert_eq!(outcome.model.id(), outcome.linear.id());
     let FamilyParameters::Linear { gain, .. } = &outcome.model.file().family else {
         panic!("not linear")
@@ -199,9 +198,7 @@ fn one_motor_at_a_time() -> Recording {
     recording(1600, |time| {
         let stroke = (700.0 * (0.5 * time).sin()).round();
         let counts = if time < 160.0 { [stroke, 0.0] } else { [0.0, stroke] };
-        for motor in 0..2 {
-            played[motor] = f64::clamp(played[motor], counts[motor] - 40.0, counts[motor] + 40.0);
-        }
+        play(&mut played, counts, 40.0);
         (counts, straight(played).map(|angle| angle + 0.05 * random()))
     })
 }
@@ -296,9 +293,7 @@ fn all_families_fit_a_recording_of_single_axes() {
     let axes = recording(1000, |time| {
         let [a, b] = wander(time);
         let counts = if time < 100.0 { [a, 0.0] } else { [0.0, b] };
-        for motor in 0..2 {
-            played[motor] = f64::clamp(played[motor], counts[motor] - 60.0, counts[motor] + 60.0);
-        }
+        play(&mut played, counts, 60.0);
         (counts, straight(played).map(|angle| angle + 0.03 * random()))
     });
     let best = FitOptions { choice: Choice::Best, ..options() };
@@ -309,10 +304,7 @@ fn all_families_fit_a_recording_of_single_axes() {
         let [found, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, output));
         assert!(found < 0.5 * linear, "{found}, linear {linear}");
         // The deviation is larger where the recording shows nothing.
-        let FamilyParameters::ForceBalance { read_out, .. } = &outcome.model.file().family else {
-            panic!("{:?}", outcome.model.file().family)
-        };
-        let deviation = read_out.covariance[output][output].sqrt();
+        let deviation = deviation(&outcome.model, output);
         assert!(deviation > 1.2 * found, "{deviation}, found {found}");
     }
 }
@@ -322,9 +314,7 @@ fn with_gaps_and_spikes(rows: usize) -> Recording {
     let (mut random, mut played, mut row) = (noise(8), [0.0; 2], 0_usize);
     recording(rows, |time| {
         let counts = wander(time);
-        for motor in 0..2 {
-            played[motor] = f64::clamp(played[motor], counts[motor] - 15.0, counts[motor] + 15.0);
-        }
+        play(&mut played, counts, 15.0);
         row += 1;
         let spike = if row % 100 == 0 { 25.0 } else { 0.0 };
         (counts, straight(played).map(|angle| angle + 0.03 * random() + spike))
@@ -335,13 +325,10 @@ fn with_gaps_and_spikes(rows: usize) -> Recording {
 #[ignore = "a minute of fits: for .ci/nightly"]
 fn estimate_deviation_holds_on_later_motion_despite_spikes() {
     let model = fitted(&with_gaps_and_spikes(1000), &of_family(Family::ForceBalance)).model;
-    let FamilyParameters::ForceBalance { read_out, .. } = &model.file().family else {
-        panic!("{:?}", model.file().family)
-    };
     let later = with_gaps_and_spikes(3000);
     let predicted = predictions(&model, &later);
     for output in 0..2 {
-        let deviation = read_out.covariance[output][output].sqrt();
+        let deviation = deviation(&model, output);
         let rows = later.rows().iter().zip(&predicted).skip(1000);
         let within = rows
             .filter(|(row, found)| (row.outputs[output] - found[output]).abs() < 1.96 * deviation);
@@ -372,9 +359,7 @@ fn folded() -> Recording {
     recording(1000, |time| {
         let phase = 9.0 * (0.06 * time).sin();
         let at = [350.0 * phase.cos(), 350.0 * phase.sin()].map(f64::round);
-        for motor in 0..2 {
-            played[motor] = f64::clamp(played[motor], at[motor] - 60.0, at[motor] + 60.0);
-        }
+        play(&mut played, at, 60.0);
         let [pitch, yaw] = straight(played);
         let waves = [4.0 * (3.0 * phase).sin(), -3.0 * (2.0 * phase).cos()];
         let mut lifted = |angle: f64, wave: f64| angle + wave + 0.2 * random();
@@ -398,9 +383,7 @@ fn poses_that_were_measured_are_not_clipped() {
     let recording = recording(800, |time| {
         let [a, b] = wander(time).map(|counts| 0.8 * counts);
         let counts = if time < 21.0 { [700.0 * (0.3 * time).sin(), 0.0] } else { [a, b] };
-        for motor in 0..2 {
-            played[motor] = f64::clamp(played[motor], counts[motor] - 30.0, counts[motor] + 30.0);
-        }
+        play(&mut played, counts, 30.0);
         (counts, straight(played).map(|angle| angle + 0.03 * random()))
     });
     let outcome = fitted(&recording, &of_family(Family::ForceBalance));

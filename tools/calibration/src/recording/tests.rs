@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 
 use super::rows::hash;
 use super::*;
-use crate::testing::{assert_contains, degrees};
+use crate::testing::{assert_contains, degrees, play};
 
 const COMMON: &str = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg";
 
@@ -43,11 +43,9 @@ fn with_cell(line: usize, column: usize, cell: &str) -> String {
 
 #[track_caller]
 fn refused(text: &str, parts: &[&str]) {
-    let message = read(text).unwrap_err().to_string();
-    assert!(message.contains("rows.csv"), "{message}");
-    for part in parts {
-        assert!(message.contains(part), "`{part}` is missing in: {message}");
-    }
+    let message = read(text).unwrap_err();
+    assert_contains(&message, &["rows.csv"]);
+    assert_contains(&message, parts);
 }
 
 #[test]
@@ -213,7 +211,7 @@ type Line = [f64; 5];
 
 /// Five minutes of a snake with play, seen by a camera with noise.
 fn sound(random: &mut Pcg64, noise_deg: f64) -> Vec<Line> {
-    let mut play = [0.0_f64; 2];
+    let mut played = [0.0_f64; 2];
     let rates = [random.random_range(0.05..0.09), random.random_range(0.09..0.15)];
     let rows = (0..ROWS).map(|row| {
         let time = row as f64 / 3.0;
@@ -221,12 +219,10 @@ fn sound(random: &mut Pcg64, noise_deg: f64) -> Vec<Line> {
             let decay = 1.0 - 0.5 * (0.011 * time * (1.0 + motor as f64)).sin().abs();
             (450.0 * decay * (rates[motor] * time).sin()).round()
         });
-        for (play, count) in play.iter_mut().zip(counts) {
-            *play = play.clamp(count - 40.0, count + 40.0);
-        }
+        play(&mut played, counts, 40.0);
         let mut seen = |angle: f64| angle + noise_deg * random.random_range(-1.7..1.7);
-        let pitch = seen(0.04 * play[0] + 0.004 * play[1] + 1e-5 * play[0] * play[0]);
-        [time, counts[0], counts[1], pitch, seen(0.035 * play[1] - 0.003 * play[0])]
+        let pitch = seen(0.04 * played[0] + 0.004 * played[1] + 1e-5 * played[0] * played[0]);
+        [time, counts[0], counts[1], pitch, seen(0.035 * played[1] - 0.003 * played[0])]
     });
     rows.collect()
 }

@@ -9,7 +9,7 @@ use i2ris_report::statistics::{mean, quantile_of_unsorted};
 use i2ris_report::{Document, Table};
 use serde::Serialize;
 
-use crate::fit::metrics::{metrics, predictions};
+use crate::fit::metrics::{along, metrics, predictions};
 use crate::recording::Recording;
 
 /// Models side by side on one recording. Its `Display` is a table.
@@ -145,20 +145,43 @@ impl ComparedModel {
             outputs,
         })
     }
+
+    /// The parts of the errors that are not due to the model.
+    fn remarks(&self, rows: usize, common: usize) -> Vec<String> {
+        let Self { unknown_memory, outside, .. } = *self;
+        let mut remarks = Vec::new();
+        if self.trained_on_it {
+            remarks.push("fitted to this recording".to_owned());
+        }
+        if unknown_memory > 0 {
+            remarks.push(format!(
+                "the memory is unknown in the first {unknown_memory} of {rows} rows: there the \
+                 error may be as large as the hysteresis loop is wide"
+            ));
+        }
+        if outside > 0 {
+            let percent = 100.0 * outside as f64 / rows as f64;
+            remarks.push(format!(
+                "{outside} of {rows} rows ({percent:.0} %) are outside the region that its \
+                 calibration visited"
+            ));
+        }
+        remarks.extend(self.rms_length_of_common.filter(|_| common < rows).map(|rms| {
+            format!("RMS length on the {common} rows known to every compared model: {rms:.3}")
+        }));
+        remarks
+    }
 }
 
 /// For every row: whether the memory of the model is unknown there, and whether it is outside the
 /// region of its calibration.
 fn doubts(model: &Model, recording: &Recording) -> Vec<[bool; 2]> {
-    let (mut memory, mut next) = (model.new_memory(), 0);
-    let mut doubt = |row: &crate::recording::Row| {
-        for (counts, time_s) in recording.steps(next..row.path_index + 1) {
-            model.advance_over(&mut memory, counts, time_s);
-        }
-        next = row.path_index + 1;
-        [!model.is_memory_known(&memory), !model.hull().contains(&row.counts)]
-    };
-    recording.rows().iter().map(&mut doubt).collect()
+    let mut doubts = Vec::with_capacity(recording.rows().len());
+    along(model, recording, |row, memory| {
+        let counts = &recording.rows()[row].counts;
+        doubts.push([!model.is_memory_known(memory), !model.hull().contains(counts)]);
+    });
+    doubts
 }
 
 /// Name of the family in the file.
@@ -196,33 +219,5 @@ impl fmt::Display for Comparison {
             text.paragraph(format!("verdict: {verdict}"));
         }
         f.write_str(&text.text(usize::MAX))
-    }
-}
-
-impl ComparedModel {
-    /// The parts of the errors that are not due to the model.
-    fn remarks(&self, rows: usize, common: usize) -> Vec<String> {
-        let Self { unknown_memory, outside, .. } = *self;
-        let mut remarks = Vec::new();
-        if self.trained_on_it {
-            remarks.push("fitted to this recording".to_owned());
-        }
-        if unknown_memory > 0 {
-            remarks.push(format!(
-                "the memory is unknown in the first {unknown_memory} of {rows} rows: there the \
-                 error may be as large as the hysteresis loop is wide"
-            ));
-        }
-        if outside > 0 {
-            let percent = 100.0 * outside as f64 / rows as f64;
-            remarks.push(format!(
-                "{outside} of {rows} rows ({percent:.0} %) are outside the region that its \
-                 calibration visited"
-            ));
-        }
-        remarks.extend(self.rms_length_of_common.filter(|_| common < rows).map(|rms| {
-            format!("RMS length on the {common} rows known to every compared model: {rms:.3}")
-        }));
-        remarks
     }
 }

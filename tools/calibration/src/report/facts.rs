@@ -6,7 +6,7 @@ use i2ris::model::file::OutputUnit;
 use i2ris_report::number::fixed;
 use i2ris_report::{Document, Table};
 
-use super::fit::{CalibrationReport, ChoiceScore, OutputFacts};
+use super::fit::{CalibrationReport, ChoiceScore, FamilyResult, OutputFacts};
 use crate::fit::choice::{Score, untried};
 use crate::fit::{Family, FitOutcome};
 use crate::quality::NoiseFloor;
@@ -33,8 +33,7 @@ impl CalibrationReport {
             positions => format!(", {positions} of them without angles"),
         };
         let (rows, dropped) = (read.rows, &read.dropped);
-        let lines = dropped.iter().map(|row| format!("{} ({})", row.line, row.column));
-        let lines = list(lines);
+        let lines = list(dropped.iter().map(|row| format!("{} ({})", row.line, row.column)));
         let mut facts = vec![
             ("recording", named),
             ("columns", joined(motors.chain(outputs).chain(time))),
@@ -74,9 +73,8 @@ impl CalibrationReport {
             ("robot", self.robot_id.clone()),
             ("recorded", recorded),
         ];
-        let models = self.families.iter();
-        let models =
-            models.map(|family| (format!("model {}", family.name), family.model_id.clone()));
+        let model = |it: &FamilyResult| (format!("model {}", it.name), it.model_id.clone());
+        let models = self.families.iter().map(model);
         let settings = self.settings.iter();
         let settings = settings.map(|(name, value)| (format!("setting: {name}"), value.clone()));
         let latency = self.latency_taken_off_s.map(|seconds| {
@@ -114,8 +112,8 @@ impl CalibrationReport {
                 let gain = gain.get(motor).copied().unwrap_or_default();
                 format!("{name} by {gain:+.4} {unit}")
             });
-            let moves: Vec<_> = moves.collect();
-            format!("one count of motor {motor} moves {}", moves.join(" and "))
+            let moves = moves.collect::<Vec<_>>().join(" and ");
+            format!("one count of motor {motor} moves {moves}")
         };
         format!(
             "{}; if the robot moves differently, two columns are swapped (--counts, --angles) or \
@@ -189,7 +187,7 @@ pub(super) fn write_choice(page: &mut Document, data: &CalibrationReport) {
 }
 
 /// Reason of the choice, and its certainty; `None` if no family was chosen.
-pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> {
+fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> {
     let chosen = scores.iter().find(|score| score.chosen)?;
     let family = &chosen.family;
     let others = scores.iter().filter(|score| !score.chosen);
@@ -226,34 +224,23 @@ pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> 
     ))
 }
 
-/// The unit of the outputs.
-fn unit(outcome: &FitOutcome) -> OutputUnit {
-    let output = outcome.model.file().outputs.first();
-    output.map_or(OutputUnit::Deg, |output| output.unit)
-}
-
 /// The score of a family, in the unit of the outputs.
 pub(super) fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
-    let unit = unit(outcome);
+    let unit = outcome.model.file().outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
     let si = unit.si();
+    let mut scores = outcome.report.scores.iter();
+    let chosen = scores.find(|score| score.family == outcome.family);
     ChoiceScore {
         family: score.family.to_string(),
         held_out: score.held_out / si,
         tracking: score.tracking.map(|(error, plant)| (error / si, plant.to_string())),
-        beside: beside(score, outcome),
+        beside: chosen.map_or((0.0, 0.0), |chosen| score.beside(chosen)),
         total: score.total() / si,
         travel: score.travel,
         chosen: score.family == outcome.family,
         sentence: score.sentence(unit),
         hides_plane: score.hides_plane,
     }
-}
-
-/// Error of a family relative to that of the chosen one; see [`Score::beside`].
-fn beside(score: &Score, outcome: &FitOutcome) -> (f64, f64) {
-    let mut scores = outcome.report.scores.iter();
-    let chosen = scores.find(|score| score.family == outcome.family);
-    chosen.map_or((0.0, 0.0), |chosen| score.beside(chosen))
 }
 
 #[cfg(test)]

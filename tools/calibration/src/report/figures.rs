@@ -7,16 +7,14 @@ use i2ris_report::number::{MINUS, fixed, significant};
 use i2ris_report::statistics::min_max;
 use i2ris_report::{Axis, Color, Dash, Document, Figure, Mark, Marker, Panel, Stroke};
 
-use super::fit::{Branches, CalibrationReport, FamilyResult, OutputFacts, PlanarMixture, Straight};
+use super::fit::{CalibrationReport, FamilyResult, OutputFacts, PlanarMixture, Straight};
 
 /// Minimum part of a motor's motion that is named.
 const NEGLIGIBLE: f64 = 0.05;
 
-/// The chosen model.
-pub(super) const CHOSEN: Stroke = Stroke::new(Color::BLUE, 1.6);
-/// Lines at 0.
-pub(super) const ZERO: Stroke = Stroke::new(Color::DARK, 0.6);
-/// Levels of noise.
+/// The chosen model, lines at 0, and levels of noise.
+const CHOSEN: Stroke = Stroke::new(Color::BLUE, 1.6);
+const ZERO: Stroke = Stroke::new(Color::DARK, 0.6);
 pub(super) const NOISE: Stroke = Stroke::new(Color::DARK, 0.8).dash(Dash::Dotted);
 
 /// An error length, to three digits.
@@ -30,7 +28,7 @@ pub(super) fn with_unit(output: &OutputFacts) -> String {
 }
 
 /// Label of an axis of counts along a direction: `q₀`, or `0.83 q₀ − 0.56 q₁`.
-pub(super) fn along(direction: &MotorVec, motors: usize) -> String {
+fn along(direction: &MotorVec, motors: usize) -> String {
     let named = direction.iter().zip(["₀", "₁"]).take(motors);
     let named: Vec<_> = named.filter(|(part, _)| part.abs() >= NEGLIGIBLE).collect();
     match named.as_slice() {
@@ -59,18 +57,16 @@ pub(super) fn list(names: &[String]) -> String {
 /// Heights of the two rows of panels.
 const HEIGHTS: [f64; 2] = [250.0, 220.0];
 
-/// The falling branch of the chosen model.
+/// Branches of the chosen model, and both of the reference model.
 const FALLING: Stroke = Stroke::new(Color::VERMILION, 1.6).dash(Dash::Dashed);
-/// The rising branch of the chosen model.
 const RISING: Stroke = Stroke::new(Color::BLUE, 1.6);
-/// Both branches of the reference model.
 const OTHER: Stroke = Stroke::new(Color::BLACK, 1.2).dash(Dash::Dotted);
 
 pub(super) fn write_loops(page: &mut Document, data: &CalibrationReport) {
-    let outputs = || data.outputs.iter().enumerate();
-    let angles = outputs().map(|(index, output)| loop_panel(data, index, output, false)).collect();
-    let deviations =
-        outputs().map(|(index, output)| loop_panel(data, index, output, true)).collect();
+    let panels = |deviation: bool| {
+        let outputs = data.outputs.iter().enumerate();
+        outputs.map(|(index, output)| loop_panel(data, index, output, deviation)).collect()
+    };
     let figure = Figure::new(
         "loops",
         "Counts against angle",
@@ -78,8 +74,8 @@ pub(super) fn write_loops(page: &mut Document, data: &CalibrationReport) {
          chosen model for rising and for falling counts; above the output itself, below its \
          distance from the straight line.",
     )
-    .row(HEIGHTS[0], angles)
-    .row(HEIGHTS[1], deviations);
+    .row(HEIGHTS[0], panels(false))
+    .row(HEIGHTS[1], panels(true));
     page.figure(
         figure,
         "Measured outputs against the counts along each of them: the counts, projected on the \
@@ -96,57 +92,41 @@ fn loop_panel(
     output: &OutputFacts,
     deviation: bool,
 ) -> Panel {
-    let direction = output.straight.direction();
-    let x = Axis::linear(format!("{} (counts)", along(&direction, data.recording.motors)));
-    let y = if deviation {
-        Axis::linear(format!("{} − line ({})", output.name, output.unit))
-    } else {
-        Axis::linear(format!("{} ({})", output.name, output.unit))
+    let OutputFacts { name, unit, straight, .. } = output;
+    let direction = along(&straight.direction(), data.recording.motors);
+    let (title, y) = match deviation {
+        true => (format!("{name}, from the straight line"), format!("{name} − line ({unit})")),
+        false => (name.clone(), with_unit(output)),
     };
-    let title = if deviation {
-        format!("{}, from the straight line", output.name)
-    } else {
-        output.name.clone()
-    };
-    let mut panel = Panel::new(title, x, y).with(Mark::horizontal(0.0, ZERO));
+    let mut panel =
+        Panel::new(title, Axis::linear(format!("{direction} (counts)")), Axis::linear(y))
+            .with(Mark::horizontal(0.0, ZERO));
     for (rising, ink, label) in
         [(true, Color::PALE, "measured, rising"), (false, Color::GREY, "measured, falling")]
     {
-        panel = panel.with(
-            Mark::dots(measured(data, index, output, rising, deviation), ink, 1.5).label(label),
-        );
+        let rows = measured(data, index, output, rising, deviation);
+        panel = panel.with(Mark::dots(rows, ink, 1.5).label(label));
     }
     if let Some((family, branches)) =
         data.reference().and_then(|family| Some((family, family.branches.get(index)?)))
     {
         panel = panel.with(branch(&branches.rising, OTHER, deviation).label(&*family.name));
-        if !one_line(branches) {
+        // Without memory both branches are the same; drawn twice, dots would run together.
+        let mut pairs = branches.rising.iter().zip(branches.falling.iter().rev());
+        if !pairs.all(|(there, back)| (there[1] - back[1]).abs() <= 1e-9 * there[1].abs().max(1.0))
+        {
             panel = panel.with(branch(&branches.falling, OTHER, deviation));
         }
     }
-    match data.chosen().and_then(|family| Some((family, family.branches.get(index)?))) {
-        Some((family, branches)) => panel.with_all(both(family, branches, deviation)),
-        None => panel,
+    if let Some((FamilyResult { name, .. }, branches)) =
+        data.chosen().and_then(|family| Some((family, family.branches.get(index)?)))
+    {
+        let rising = branch(&branches.rising, RISING, deviation).marker(Marker::Triangle);
+        let falling = branch(&branches.falling, FALLING, deviation).marker(Marker::Square);
+        panel = panel.with(rising.label(format!("{name}, rising")));
+        panel = panel.with(falling.label(format!("{name}, falling")));
     }
-}
-
-/// Without memory both branches are the same; drawn twice, dots would run together.
-fn one_line(branches: &Branches) -> bool {
-    let back = branches.falling.iter().rev();
-    branches
-        .rising
-        .iter()
-        .zip(back)
-        .all(|(there, back)| (there[1] - back[1]).abs() <= 1e-9 * there[1].abs().max(1.0))
-}
-
-fn both(family: &FamilyResult, branches: &Branches, deviation: bool) -> [Mark; 2] {
-    let rising = branch(&branches.rising, RISING, deviation).marker(Marker::Triangle);
-    let falling = branch(&branches.falling, FALLING, deviation).marker(Marker::Square);
-    [
-        rising.label(format!("{}, rising", family.name)),
-        falling.label(format!("{}, falling", family.name)),
-    ]
+    panel
 }
 
 fn branch(branch: &[[f64; 3]], stroke: Stroke, deviation: bool) -> Mark {
@@ -258,7 +238,6 @@ fn ellipse((_, mean, [across, between, output]): &(f64, [f64; 2], [f64; 3])) -> 
     Mark::line((0..=POINTS).map(point).collect(), ELLIPSE)
 }
 
-/// Writes a figure for every family that has a mixture.
 pub(super) fn write_mixtures(page: &mut Document, data: &CalibrationReport) {
     for family in data.families.iter().filter(|family| !family.mixtures.is_empty()) {
         let mut figure = Figure::new(

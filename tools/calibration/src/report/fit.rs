@@ -12,10 +12,9 @@ use crate::quality::residual_pattern::Unexplained;
 use crate::quality::{NoiseFloor, Spike};
 use crate::recording::ReadReport;
 
-/// The family that others are compared with.
+/// The family that others are compared with, and the memoryless mixture, the reference for models
+/// with memory.
 pub(super) const BASELINE: &str = "linear";
-
-/// The memoryless mixture, the reference for models with memory.
 const MEMORYLESS: &str = "gmr";
 
 /// Report of a fit, in the unit of the recording throughout. Its `Display` is the printed report,
@@ -34,7 +33,6 @@ pub struct CalibrationReport {
     pub(super) latency: Option<Latency>,
     /// Correction of the outputs' stamps before the fit, s.
     pub latency_taken_off_s: Option<f64>,
-    /// Limits of the recording.
     pub(super) warnings: Vec<String>,
     /// Families that were fitted, the simplest first.
     pub(super) families: Vec<FamilyResult>,
@@ -53,7 +51,6 @@ pub struct CalibrationReport {
     pub(super) beyond_model: Option<String>,
     /// The error of the chosen model beyond the noise.
     pub(super) unexplained: Option<Unexplained>,
-    /// Settings of the fit: names and values.
     pub(super) settings: Vec<(String, String)>,
     /// The program that fitted the models, with its version.
     pub(super) software: String,
@@ -101,12 +98,10 @@ pub(super) struct ChoiceScore {
     /// Logarithm of its error relative to the chosen family: the mean over the blocks, and its
     /// standard error.
     pub beside: (f64, f64),
-    /// Combined score.
     pub total: f64,
-    /// Travel of the motors, relative to that of `linear`.
+    /// Relative to that of `linear`.
     pub travel: f64,
     pub chosen: bool,
-    /// Summary in one sentence.
     pub sentence: String,
     #[serde(skip)]
     pub hides_plane: bool,
@@ -134,13 +129,11 @@ pub(super) struct FamilyResult {
     pub chosen: bool,
     pub model_id: String,
     pub fit_seconds: f64,
-    /// Metrics of every output, as in its file.
     pub metrics: Vec<OutputMetrics>,
     pub training: Option<Errors>,
     pub held_out: Option<Errors>,
     /// Description of the robot by its parameters, in lines.
     pub reading: Option<String>,
-    /// Branches of every output.
     #[serde(skip)]
     pub branches: Vec<Branches>,
     #[serde(skip)]
@@ -179,16 +172,14 @@ impl CalibrationReport {
         named(MEMORYLESS).or_else(|| named(BASELINE))
     }
 
-    /// The unit of all outputs.
     pub(super) fn unit(&self) -> &str {
         self.outputs.first().map_or("", |output| output.unit.as_str())
     }
 
     /// Noise length over all outputs, if all are known.
     pub(super) fn noise(&self) -> Option<f64> {
-        let noise = self.outputs.iter().map(|output| Some(output.noise?.deviation));
-        let noise: Option<Vec<f64>> = noise.collect();
-        noise.map(|noise| noise.iter().map(|noise| noise * noise).sum::<f64>().sqrt())
+        let squares = self.outputs.iter().map(|output| Some(output.noise?.deviation.powi(2)));
+        squares.sum::<Option<f64>>().map(f64::sqrt)
     }
 }
 
@@ -228,7 +219,7 @@ pub(super) struct Track {
     /// Whether the counts along each output rose last.
     pub rising: Vec<[bool; MAX_OUTPUTS]>,
     pub measured: Vec<[f64; MAX_OUTPUTS]>,
-    /// Indices of the rows used for training, in rising order.
+    /// Rows used for training, in rising order.
     pub training: Vec<usize>,
     pub held_out: Vec<Range<usize>>,
     /// Rows whose poses the chosen model clips.

@@ -1,10 +1,11 @@
 //! The content of a report, computed with the code of the controller.
 
 use i2ris::config::{JointLimitConfig, LimitConfig};
-use i2ris::model::file::{FamilyParameters, ModelFile};
+use i2ris::model::file::{FamilyParameters, OutputSpec};
 use i2ris::model::{Hull, Model};
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
-use i2ris_report::statistics::{distance, quantile_of_unsorted, root_mean_square};
+use i2ris_report::statistics::{distance, interpolate, quantile_of_unsorted, root_mean_square};
+use std::array;
 
 use super::facts::choice_score;
 use super::figures::planar;
@@ -110,7 +111,7 @@ fn output_facts(recording: &Recording, outcome: &FitOutcome) -> Vec<OutputFacts>
         FamilyParameters::Linear { gain, .. } => gain.get(index).cloned(),
         _ => None,
     };
-    let facts = |(index, spec): (usize, &i2ris::model::file::OutputSpec)| OutputFacts {
+    let facts = |(index, spec): (usize, &OutputSpec)| OutputFacts {
         name: spec.name.clone(),
         unit: spec.unit.to_string(),
         noise: report.quality.noise.get(index).copied().flatten(),
@@ -130,7 +131,7 @@ fn family_result(
     track: &Track,
 ) -> Option<FamilyResult> {
     let model = family.result.as_deref().ok()?;
-    let file: &ModelFile = model.file();
+    let file = model.file();
     let chosen = family.family == outcome.family;
     let unit = |index: usize| file.outputs.get(index).map_or(1.0, |output| output.unit.si());
     let branch = |(index, output): (usize, &OutputFacts)| {
@@ -236,74 +237,52 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
     recording.rows().iter().map(|row| states.get(row.path_index).copied().unwrap_or(now)).collect()
 }
 
-/// Positions of the rising half, and of the falling half.
+/// Positions of the rising half, and of the falling half, and time between two of them, which
+/// affects creeping snakes, s.
 const POSITIONS: usize = 160;
-
-/// Time between two positions, which affects creeping snakes, s.
 const POSITION_S: f64 = 0.05;
 
 /// Sweeps before the recorded one: they make the memory independent of the past.
 const SWEEPS_BEFORE: usize = 3;
 
-/// Halvings of the search for the end of a sweep: to a millionth of a count.
+/// Halvings of the search for the end of a sweep, to a millionth of a count, and its largest size,
+/// counts: beyond what any motor can do.
 const HALVINGS: u32 = 60;
-
-/// The largest sweep, counts: beyond what any motor can do.
 const FURTHEST: f64 = 1e7;
 
-/// A straight path through the middle of a hull, from one end to the other.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sweep {
-    from: MotorVec,
-    to: MotorVec,
-}
-
-impl Sweep {
-    /// The sweep in a direction.
-    pub fn new(hull: &Hull, direction: MotorVec) -> Self {
-        let centre = hull.centre();
-        let point = |distance: f64| step(centre, direction, distance);
-        let end = |sign: f64| {
-            let (mut inside, mut outside) = (0.0, sign * FURTHEST);
-            for _ in 0..HALVINGS {
-                let middle = 0.5 * (inside + outside);
-                if hull.contains(&point(middle)) { inside = middle } else { outside = middle }
-            }
-            point(inside)
-        };
-        Self { from: end(-1.0), to: end(1.0) }
-    }
-
-    /// Positions from one end to the other.
-    pub fn positions(&self) -> impl DoubleEndedIterator<Item = MotorVec> + '_ {
-        (0..POSITIONS).map(move |i| {
-            let share = i as f64 / (POSITIONS - 1) as f64;
-            std::array::from_fn(|motor| {
-                self.from[motor] + share * (self.to[motor] - self.from[motor])
-            })
-        })
-    }
-}
-
-fn step(from: MotorVec, direction: MotorVec, distance: f64) -> MotorVec {
-    std::array::from_fn(|motor| from[motor] + distance * direction[motor])
+/// Positions of a sweep in a direction through the middle of the calibrated region, from one end to
+/// the other. Back and forth it shows the branches of a model.
+fn sweep(hull: &Hull, direction: MotorVec) -> Vec<MotorVec> {
+    let centre = hull.centre();
+    let point = |distance: f64| array::from_fn(|motor| centre[motor] + distance * direction[motor]);
+    let end = |sign: f64| {
+        let (mut inside, mut outside) = (0.0, sign * FURTHEST);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (inside + outside);
+            if hull.contains(&point(middle)) { inside = middle } else { outside = middle }
+        }
+        point(inside)
+    };
+    let (from, to) = (end(-1.0), end(1.0));
+    let position = |i: usize| interpolate(&from, &to, i as f64 / (POSITIONS - 1) as f64);
+    (0..POSITIONS).map(position).collect()
 }
 
 /// The branches of a model for one output; `unit` is the output's unit in rad or m.
 pub(super) fn branches(model: &Model, output: usize, straight: &Straight, unit: f64) -> Branches {
-    let sweep = Sweep::new(model.hull(), straight.direction());
+    let sweep = sweep(model.hull(), straight.direction());
     let mut memory = model.new_memory();
-    let mut point = |counts: MotorVec| {
-        model.advance_over(&mut memory, &counts, POSITION_S);
-        let mean = model.predict(&counts, &memory).mean[output] / unit;
-        [straight.along(&counts), mean, straight.at(&counts)]
+    let mut point = |counts: &MotorVec| {
+        model.advance_over(&mut memory, counts, POSITION_S);
+        let mean = model.predict(counts, &memory).mean[output] / unit;
+        [straight.along(counts), mean, straight.at(counts)]
     };
     for _ in 0..SWEEPS_BEFORE {
-        for counts in sweep.positions().chain(sweep.positions().rev()) {
+        for counts in sweep.iter().chain(sweep.iter().rev()) {
             point(counts);
         }
     }
-    let rising = sweep.positions().map(&mut point).collect();
-    let falling = sweep.positions().rev().map(&mut point).collect();
+    let rising = sweep.iter().map(&mut point).collect();
+    let falling = sweep.iter().rev().map(&mut point).collect();
     Branches { rising, falling }
 }

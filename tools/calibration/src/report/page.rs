@@ -9,19 +9,16 @@ use super::facts::{NONE, write_choice};
 use super::figures::{NOISE, error, list, with_unit, write_loops, write_mixtures};
 use super::fit::{BASELINE, CalibrationReport, Errors, FamilyResult};
 
-/// Ratio of the errors on unseen and training rows above which a model does not generalise.
+/// Ratio of the errors on unseen and training rows above which a model does not generalise, and
+/// ratio to the noise below which a better model cannot be shown.
 const CARRIES_OVER: f64 = 1.5;
-
-/// Ratio to the noise below which a better model cannot be shown.
 const AT_THE_NOISE: f64 = 1.25;
 
 /// Height of a family in the figure of errors, and of the rest of the figure.
 const HEIGHTS: [f64; 2] = [22.0, 66.0];
 
-/// Characters of a hash that identify a model in a table.
+/// Characters of a hash that identify a model in a table, and columns of a printed report.
 const SHORT: usize = 12;
-
-/// Columns of a printed report.
 const WIDTH: usize = 100;
 
 impl fmt::Display for CalibrationReport {
