@@ -44,22 +44,18 @@ impl Series {
         }
     }
 
-    /// All rows of a recording.
     pub fn whole(recording: &Recording) -> Self {
         Self::new(recording, &(0..recording.rows().len()).collect::<Vec<_>>())
     }
 
-    /// Number of motors, 1 or 2.
     pub fn motors(&self) -> usize {
         self.motors
     }
 
-    /// Number of outputs, 1 to 3.
     pub fn outputs(&self) -> usize {
         self.outputs
     }
 
-    /// Positions of the motors, counts, in order.
     pub fn path(&self) -> &[MotorVec] {
         &self.path
     }
@@ -75,7 +71,6 @@ impl Series {
         &self.samples
     }
 
-    /// The counts at a sample.
     pub fn counts(&self, sample: &Sample) -> MotorVec {
         self.path[sample.path_index]
     }

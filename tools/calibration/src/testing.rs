@@ -38,7 +38,6 @@ fn recorded(
     Recording::read(file.path(), &ColumnMap::default()).unwrap().0
 }
 
-/// An output in degrees.
 pub(crate) fn degrees(name: &str) -> OutputSpec {
     OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg }
 }
@@ -71,7 +70,6 @@ pub(crate) fn wander(time: f64) -> [f64; 2] {
     ]
 }
 
-/// Angles of a straight model at counts.
 pub(crate) fn straight([a, b]: [f64; 2]) -> [f64; 2] {
     [0.02 * a - 0.015 * b + 2.0, 0.015 * a + 0.02 * b - 5.0]
 }
@@ -88,7 +86,6 @@ pub(crate) fn few_starts(restarts: usize) -> EmOptions {
     EmOptions { restarts, ..EmOptions::default() }
 }
 
-/// Runs a closure on this many threads.
 pub(crate) fn with_threads<T: Send>(threads: usize, run: impl FnOnce() -> T + Send) -> T {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
     pool.build().unwrap().install(run)
@@ -100,7 +97,6 @@ pub(crate) fn assert_near(found: f64, expected: f64, tolerance: f64) {
     assert!(near, "{found} instead of {expected} +- {tolerance}");
 }
 
-/// Asserts that a text contains all parts.
 #[track_caller]
 pub(crate) fn assert_contains(text: &dyn std::fmt::Display, parts: &[&str]) {
     let text = text.to_string();

@@ -57,7 +57,6 @@ pub enum DriftError {
     NotFinite,
 }
 
-/// Parameters of a family.
 #[derive(Debug, Clone, Copy)]
 struct Shape {
     outputs: usize,
@@ -173,7 +172,6 @@ impl Shape {
     }
 }
 
-/// Root mean square length.
 pub(super) fn length(errors: impl ExactSizeIterator<Item = [f64; 3]>) -> f64 {
     let count = errors.len().max(1) as f64;
     let squares: f64 = errors.flatten().map(|error| error * error).sum();
@@ -186,7 +184,6 @@ const WIDER: f64 = 0.1;
 /// A row with known memory, in the unit of the recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
-    /// Index of the row.
     pub row: usize,
     /// Time, s, or the number of the row.
     pub time_s: f64,
@@ -256,7 +253,6 @@ struct Problem {
     /// Rows of one output follow one another, in the order of time.
     pub features: DMatrix<f64>,
     pub target: DVector<f64>,
-    /// Rows of each output.
     pub rows: usize,
     /// Deviations of the parameters around 0.
     pub prior: DVector<f64>,
@@ -266,7 +262,6 @@ struct Problem {
 struct Solution {
     pub parameters: DVector<f64>,
     pub covariance: DMatrix<f64>,
-    /// Share of the rows that count as independent.
     pub independent: f64,
 }
 

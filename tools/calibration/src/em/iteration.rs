@@ -26,7 +26,6 @@ use super::pass::{Component, Pass, Prepared, Samples};
 pub(super) struct EmRules<const N: usize> {
     /// Stop when an iteration raises the objective by less, nats per row.
     pub tolerance: f64,
-    /// Stop after this many iterations.
     pub max_iterations: usize,
     /// `P` of the objective, in standardised variables.
     pub prior: SMatrix<f64, N, N>,

@@ -29,7 +29,6 @@ pub(super) fn random_start<const N: usize>(
     clusters.gaussians(&points, prior)
 }
 
-/// A partition of the points.
 struct Clusters<const N: usize> {
     centres: Vec<SVector<f64, N>>,
     /// The cluster of each point.

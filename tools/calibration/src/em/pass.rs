@@ -77,7 +77,6 @@ impl<const N: usize> Samples<N> {
         samples
     }
 
-    /// The rows one by one, standardised.
     pub fn points(&self) -> impl Iterator<Item = SVector<f64, N>> + '_ {
         self.blocks.iter().flat_map(|block| {
             (0..block.used)
@@ -194,7 +193,6 @@ fn add(sum: &mut Lanes, terms: &Lanes) {
     }
 }
 
-/// Buffers and sums of a pass, allocated once per start.
 #[derive(Debug, Clone)]
 pub(super) struct Pass<const N: usize> {
     moments: Vec<WeightedMoments<N>>,

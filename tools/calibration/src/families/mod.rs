@@ -2,12 +2,10 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `operator_trace` | hysteresis operators along the path of a series |
-//! | `chain` | regression and residual after a hysteresis operator |
+//! | `chain` | a hysteresis operator along a series; regression and residual after it |
 //! | `force_balance` | force balance of gear, wires, spring and friction |
 //! | `play` | play operators |
 
 pub mod chain;
 pub mod force_balance;
-pub mod operator_trace;
 pub mod play;

@@ -42,16 +42,13 @@ const TICKS: usize = 4000;
 const TURNING_TICKS: usize = 800;
 const SETTLING: usize = 400;
 
-/// The time of a tick, which snakes that creep see, s.
 const TICK_S: f64 = 0.02;
 
 /// The motors move by at most this part of the hull in a tick.
 const FASTEST: f64 = 0.02;
 
-/// How a family did.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
-    /// The family.
     pub family: Family,
     /// RMS length of the error on the rows held out, rad (m).
     pub held_out: f64,
@@ -72,7 +69,6 @@ pub struct Score {
 }
 
 impl Score {
-    /// Both errors together.
     pub fn total(&self) -> f64 {
         self.held_out.hypot(self.tracking.map_or(0.0, |(error, _)| error))
     }
@@ -100,7 +96,6 @@ impl Score {
         (mean, if of_mean.is_finite() { of_mean } else { 0.0 })
     }
 
-    /// The score in a sentence, in a unit.
     pub fn sentence(&self, unit: OutputUnit) -> String {
         let (family, held_out) = (self.family, self.held_out / unit.si());
         let tracking = match self.tracking {

@@ -111,7 +111,6 @@ fn errors(outcome: &FamilyOutcome, evidence: &Evidence<'_>) -> Option<Vec<f64>> 
 }
 
 impl Judgement {
-    /// The sentence about an earlier calibration.
     pub fn note(&self, earlier: &ModelFile, recording: &Recording) -> String {
         let unit = recording.outputs().first().map(|output| output.unit);
         let shown = |error: Option<f64>| match (error, unit) {

@@ -109,7 +109,6 @@ fn flattest(slope: DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
     Some((*least, directions.row(index).transpose()))
 }
 
-/// A lattice over the hull.
 fn positions(hull: &Hull, motors: usize) -> Vec<MotorVec> {
     let (mut low, mut high) = (hull.centre(), hull.centre());
     for corner in hull.corners() {

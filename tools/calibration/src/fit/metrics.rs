@@ -93,14 +93,12 @@ const MIN_COVERED: f64 = 0.5;
 /// Number of pieces of a single held-out block, for the spread.
 const PIECES: usize = 5;
 
-/// Evidence for judging families.
 pub(super) struct Evidence<'a> {
     pub recording: &'a Recording,
     /// The held-out rows, in blocks.
     pub rows: &'a [Vec<usize>],
     /// RMS length of the noise of the measurement, SI units; 0 where it is not known.
     pub noise: f64,
-    /// Whether the recording hides what both motors do together.
     pub hides_plane: bool,
 }
 

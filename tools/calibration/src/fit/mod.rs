@@ -8,8 +8,7 @@
 //! | `flatness` | models that are flat where the robot is not |
 //! | `model_mismatch` | evidence for a larger error than the model states |
 //! | `late_camera` | latency of a camera's stamps |
-//! | `slow_error` | the part of the error that a camera can follow |
-//! | `model_file` | model files with their metrics |
+//! | `model_file` | model files with their metrics, and the error that a camera can follow |
 //! | [`network`] | networks that were trained elsewhere |
 //! | `one_family` | the fit of each family |
 //! | `all_families` | the whole fit, and the choice |
@@ -29,7 +28,6 @@ pub mod network;
 mod one_family;
 mod options;
 mod outcome;
-mod slow_error;
 pub mod split;
 #[cfg(test)]
 mod tests;

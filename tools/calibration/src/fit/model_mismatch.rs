@@ -29,14 +29,12 @@ const MAX_NOISES: f64 = 5.0;
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelMismatch {
     unit: OutputUnit,
-    /// RMS length of the stated deviation.
     stated: f64,
     /// RMS distance of the measured poses from those that the inverse reaches, and the share of
     /// unreachable poses, percent.
     clipped: (f64, f64),
     /// Remaining error of the inverse on the nearest of the other families.
     other: Option<(f64, Family)>,
-    /// If the error on held-out rows is far above the noise.
     noisy: Option<Noisy>,
 }
 
@@ -47,7 +45,6 @@ struct Noisy {
     error: f64,
     /// Relative to the noise.
     ratio: f64,
-    /// The families with theirs.
     tried: Vec<(Family, f64)>,
 }
 

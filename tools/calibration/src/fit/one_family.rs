@@ -31,7 +31,6 @@ pub(super) const MIN_NRMSD: f64 = 0.01;
 /// Minimum number of components of the published mixtures.
 const PUBLISHED: usize = 3;
 
-/// Results of a fit besides its model.
 #[derive(Default)]
 struct Remarks {
     mechanism: Option<Mechanism>,
@@ -39,7 +38,6 @@ struct Remarks {
     left_out: Vec<f64>,
 }
 
-/// The data of all families.
 pub(super) struct FamilyFitter<'a> {
     pub context: FileContext<'a>,
     pub series: Series,
@@ -59,7 +57,6 @@ pub(super) struct FamilyFitter<'a> {
 }
 
 impl FamilyFitter<'_> {
-    /// Fits a family and measures the time.
     pub fn attempt(&self, family: Family) -> FamilyOutcome {
         let begin = Instant::now();
         let mut remarks = Remarks::default();
@@ -224,7 +221,6 @@ impl FamilyFitter<'_> {
     }
 }
 
-/// Numbers of components that are tried.
 fn tried(most: usize) -> Vec<usize> {
     let few = most.min(PUBLISHED)..=most.min(6);
     few.chain([8, 10, 12].into_iter().filter(|number| *number <= most)).collect()

@@ -104,7 +104,6 @@ pub struct FamilyOutcome {
     pub seconds: f64,
 }
 
-/// Properties of the mechanism, derived from parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mechanism {
     Plays(PlayMechanism),
@@ -120,7 +119,6 @@ impl fmt::Display for Mechanism {
     }
 }
 
-/// A note with a further one.
 pub(super) fn noted_also(note: Option<String>, text: &str) -> Option<String> {
     Some(note.map_or(text.to_owned(), |note| format!("{note}; {text}")))
 }
@@ -129,7 +127,6 @@ pub(super) fn noted_also(note: Option<String>, text: &str) -> Option<String> {
 pub struct FitReport {
     pub split: Split,
     pub quality: Quality,
-    /// Indices of the rows used for training.
     pub training: Vec<usize>,
     /// One of this many usable rows was used.
     pub every: usize,

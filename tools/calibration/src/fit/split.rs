@@ -71,19 +71,13 @@ pub struct Split {
 
 /// Kind of the held-out rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the texts say it")]
 pub enum SplitKind {
-    /// Blocks all over the recording.
     Blocks,
-    /// The last of the cycles.
-    LastCycle {
-        /// Cycles in the recording, not always whole.
-        cycles: f64,
-    },
-    /// The last part, because there are no cycles.
+    /// Cycles in the recording, not always whole.
+    LastCycle(f64),
     NoCycles,
-    /// The last part, as requested.
     Fraction,
-    /// Nothing is held out.
     Nothing,
 }
 
@@ -91,7 +85,7 @@ impl fmt::Display for SplitKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Blocks => write!(f, "{BLOCKS} blocks all over the recording"),
-            Self::LastCycle { cycles } => write!(f, "the last of {cycles:.2} cycles"),
+            Self::LastCycle(cycles) => write!(f, "the last of {cycles:.2} cycles"),
             Self::NoCycles => f.write_str("the last quarter, because the motion has no cycles"),
             Self::Fraction => f.write_str("the last part"),
             Self::Nothing => f.write_str("nothing"),
@@ -124,7 +118,7 @@ impl Split {
                 (from(before(fraction.clamp(0.0, 1.0))), SplitKind::Fraction)
             }
             HoldOut::LastCycle => match last_cycle(recording) {
-                Some(Cycle { start, cycles }) => (from(start), SplitKind::LastCycle { cycles }),
+                Some(Cycle { start, cycles }) => (from(start), SplitKind::LastCycle(cycles)),
                 None => (from(before(PART)), SplitKind::NoCycles),
             },
         };
@@ -205,7 +199,7 @@ mod tests {
         let eighth = std::f64::consts::TAU / 8.0;
         let sweeps = one_motor(200, |time| (500.0 * (eighth * time).sin(), time));
         let split = Split::new(&sweeps, HoldOut::LastCycle).unwrap();
-        let SplitKind::LastCycle { cycles } = split.kind() else { panic!("{split:?}") };
+        let SplitKind::LastCycle(cycles) = split.kind() else { panic!("{split:?}") };
         assert_near(cycles, 4.97, 0.05);
         assert!((39..=41).contains(&split.held_out().count()));
     }

@@ -18,7 +18,6 @@ const CROSSING_PART: f64 = 0.1;
 /// repeats.
 const IRREGULARITY: f64 = 0.25;
 
-/// The last cycle of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cycle {
     /// First row.
@@ -145,7 +144,6 @@ pub(crate) fn turns(phases: &[f64]) -> f64 {
     ends.map_or(0.0, |(first, last)| (last - first).abs() / TAU)
 }
 
-/// Angles without the jumps of a full turn, rad.
 fn unwrapped(angles: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut last: Option<f64> = None;
     let unwrap = |angle: f64| {

@@ -43,39 +43,23 @@ const ON_EACH: f64 = 0.2;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum Finding {
-    FewReversals {
-        motor: usize,
-        reversals: usize,
-    },
+    /// A motor that hardly ever reverses.
+    FewReversals { motor: usize, reversals: usize },
     /// Both motors move along one closed curve in one direction, at one frequency.
-    Circulation {
-        turns: f64,
-    },
-    OneLoop {
-        motor: usize,
-    },
+    Circulation { turns: f64 },
+    /// A motor that always reverses at the same two positions.
+    OneLoop { motor: usize },
     /// The smallest stroke, percent of the range.
-    LargeLoops {
-        motor: usize,
-        percent: f64,
-    },
+    LargeLoops { motor: usize, percent: f64 },
     /// Part of the path on which the motors move together, percent.
-    OneAxisAtATime {
-        percent: f64,
-    },
+    OneAxisAtATime { percent: f64 },
     /// Part of the positions away from the middle that lie on two lines, as along pitch and then
     /// along yaw, percent.
-    TwoLines {
-        percent: f64,
-    },
+    TwoLines { percent: f64 },
     /// Part of the motion that is independent, percent.
-    HardlySeparable {
-        percent: f64,
-    },
+    HardlySeparable { percent: f64 },
     /// The largest angle, as recorded.
-    MaybeRadians {
-        furthest: f64,
-    },
+    MaybeRadians { furthest: f64 },
 }
 
 impl Finding {

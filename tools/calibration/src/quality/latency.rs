@@ -34,7 +34,6 @@ const STEPS: usize = 4;
 /// third, ... is used.
 const MAX_SAMPLES: usize = 5000;
 
-/// Blocks of the jackknife.
 const BLOCKS: usize = 8;
 
 /// Penalty of the regression for features that are similar, relative to features of size 1, and on
@@ -175,7 +174,6 @@ impl Search<'_> {
         Some(kept > MIN_VISIBLE * changed)
     }
 
-    /// See [`Latency::helps`].
     fn helps(&self, seconds: f64) -> Option<bool> {
         let left_out = |shift_s: f64| {
             let sums = self.sums(shift_s)?;

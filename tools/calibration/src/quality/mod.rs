@@ -6,15 +6,13 @@
 //! | `identifiability` | whether the motion can show hysteresis |
 //! | `cycle` | the cycles of a repeating motion, also around a closed curve |
 //! | [`latency`] | latency of the outputs' stamps |
-//! | `latency_features` | hysteresis without time, for the latency |
-//! | `latency_shift` | a recording with corrected stamps |
+//! | `latency_features` | hysteresis without time, for the latency; corrected stamps |
 //! | [`residual_pattern`] | model errors beyond noise, and their patterns |
 
 pub(crate) mod cycle;
 mod identifiability;
 pub mod latency;
 mod latency_features;
-mod latency_shift;
 mod noise;
 pub mod residual_pattern;
 

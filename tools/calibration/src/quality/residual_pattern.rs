@@ -53,7 +53,6 @@ pub enum Pattern {
 }
 
 impl Pattern {
-    /// Patterns of a snake and its drives.
     const SNAKE: [Self; 4] = [Self::MotorTurn, Self::Time, Self::Speed, Self::Pose];
 
     fn name(self) -> String {
@@ -91,7 +90,6 @@ impl Pattern {
         if matches!(self, Self::Step(_)) { Self::Time } else { Self::Pose }
     }
 
-    /// Features of a row.
     fn features(self, place: &Place<'_>) -> Vec<f64> {
         let Place { counts, scaled, speeds, share, line } = place;
         match self {
@@ -211,7 +209,6 @@ struct Place<'a> {
     line: u64,
 }
 
-/// The motion of a recording, row by row.
 struct Motion<'a> {
     recording: &'a Recording,
     /// Middle and half the range of every motor.
@@ -326,7 +323,6 @@ impl<'a> Motion<'a> {
     }
 }
 
-/// Two matrices side by side.
 fn joined(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
     let mut all = left.clone().resize_horizontally(left.ncols() + right.ncols(), 0.0);
     all.columns_mut(left.ncols(), right.ncols()).copy_from(right);

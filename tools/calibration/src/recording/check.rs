@@ -48,7 +48,6 @@ impl Table<'_> {
         })
     }
 
-    /// Remedy that does without a column.
     fn without(&self, option: &str) -> String {
         match self.columns.options {
             true => format!("leave it out with {option}"),
@@ -184,7 +183,6 @@ impl Table<'_> {
     }
 }
 
-/// Rounds to two digits.
 fn round(value: f64) -> f64 {
     let scale = 10.0_f64.powf(1.0 - value.abs().log10().floor());
     (value * scale).round() / scale
@@ -200,7 +198,6 @@ const BEYOND: f64 = 2_147_483_648.0;
 /// and in counts, and maximum number of rows.
 const AWAY: (f64, f64, usize) = (2.0, 2000.0, 3);
 
-/// A counter that wraps.
 pub(super) struct Wrap {
     pub modulus: f64,
     /// The rows after a jump.

@@ -156,7 +156,6 @@ impl FromStr for OutputColumn {
     }
 }
 
-/// A column of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Column {
     pub index: usize,
@@ -176,7 +175,6 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// All columns in use.
     pub fn all(&self) -> impl Iterator<Item = &Column> {
         self.time.iter().chain(&self.counts).chain(self.outputs.iter().map(|(column, _)| column))
     }
@@ -353,7 +351,6 @@ impl Header<'_> {
     }
 }
 
-/// Words of a name, in small letters.
 fn words(name: &str) -> Vec<String> {
     let words = name.split(|letter: char| !letter.is_alphanumeric());
     words.filter(|word| !word.is_empty()).map(str::to_lowercase).collect()

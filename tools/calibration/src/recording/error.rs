@@ -15,7 +15,6 @@ impl RecordingError {
     }
 }
 
-/// Place of an error.
 #[derive(Debug, Clone)]
 pub(super) struct Place {
     table: String,

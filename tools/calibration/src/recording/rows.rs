@@ -160,7 +160,6 @@ impl Recording {
     }
 }
 
-/// SHA-256, hexadecimal.
 pub(super) fn hash(bytes: &[u8]) -> String {
     let mut text = String::new();
     for byte in Sha256::digest(bytes) {

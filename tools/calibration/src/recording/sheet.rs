@@ -12,7 +12,6 @@ use super::error::{Place, Problem, RecordingError};
 /// Separators in order of preference. Any number of blanks is one separator.
 const SEPARATORS: [u8; 4] = [b'\t', b';', b',', b' '];
 
-/// The cells of a table.
 #[derive(Debug)]
 pub(super) struct Sheet {
     pub header: Vec<String>,
@@ -157,7 +156,6 @@ fn head(lines: &[&str], separator: u8, first: usize) -> Option<usize> {
     of_width.or_else(|| before.clone().rfind(is_plain)).or_else(|| before.next_back())
 }
 
-/// A line for the csv reader.
 fn separated(line: &str, separator: u8) -> String {
     match separator {
         b' ' => line.split_whitespace().collect::<Vec<_>>().join("\t"),

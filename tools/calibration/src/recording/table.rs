@@ -16,7 +16,6 @@ use super::sheet::{Sheet, is_missing, number, seconds};
 type Range = RangeInclusive<f64>;
 type Parse = fn(&str, bool) -> Option<f64>;
 
-/// Range of bending angles.
 const ANGLES_DEG: (Range, &str) =
     (-180.0..=180.0, "is not between -180 and 180 degrees; correct the cell or its unit");
 
@@ -30,7 +29,6 @@ const COUNTS: Range = -2_147_483_648.0..=4_294_967_295.0;
 const COUNTS_UNITS: [&str; 9] = ["", "-", "1", "count", "counts", "cts", "inc", "qc", "ticks"];
 const TIMES: Range = f64::MIN..=f64::MAX;
 
-/// All rows of a file.
 #[derive(Debug)]
 pub(super) struct Table<'a> {
     pub place: Place,

@@ -72,12 +72,10 @@ impl RegressionData {
         self.inputs.len()
     }
 
-    /// Every `step`-th row.
     pub fn thinned(&self, step: usize) -> Self {
         self.of_rows(|row| row % step == 0)
     }
 
-    /// All rows but those of a block.
     pub fn without(&self, block: &Range<usize>) -> Self {
         self.of_rows(|row| !block.contains(&row))
     }
@@ -196,7 +194,6 @@ struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Starts with straight lines.
     fn new(data: &'a RegressionData, moving: &[[bool; 2]]) -> Self {
         let straight = fit_linear(&data.inputs, &data.outputs).ok();
         let (rows, outputs) = (data.len(), data.outputs.width());
@@ -218,7 +215,6 @@ impl<'a> Parts<'a> {
         Self { data, fits, given, resting: motors.map(resting).collect() }
     }
 
-    /// Residual of the other motor's regression.
     fn rest(&self, motor: usize) -> DMatrix<f64> {
         let outputs = &self.data.outputs;
         let mut rest = DMatrix::from_row_slice(outputs.len(), outputs.width(), outputs.values());

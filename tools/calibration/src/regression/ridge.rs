@@ -18,7 +18,6 @@ const BLOCKS: usize = 10;
 /// Minimum deviation of a feature; a smaller one, except for the constant 1, gets no coefficient.
 const MIN_DEVIATION: f64 = 1e-9;
 
-/// A ridge regression.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RidgeFit {
     /// Row: feature, column: output; for features as they are, not standardised.
@@ -89,7 +88,6 @@ impl FeatureScaling {
     }
 }
 
-/// Sums over rows for the normal equations.
 #[derive(Clone)]
 pub(crate) struct NormalEquations {
     features: DMatrix<f64>,

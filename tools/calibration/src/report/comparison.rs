@@ -27,7 +27,6 @@ pub struct Comparison {
 
 #[derive(Debug, Serialize)]
 struct ComparedModel {
-    /// The file.
     model: String,
     family: String,
     /// Whether the model was fitted to this recording.
@@ -184,7 +183,6 @@ fn doubts(model: &Model, recording: &Recording) -> Vec<[bool; 2]> {
     doubts
 }
 
-/// Name of the family in the file.
 fn family(model: &Model) -> String {
     let value = serde_json::to_value(&model.file().family).unwrap_or_default();
     value.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?").to_owned()

@@ -150,7 +150,6 @@ fn list(lines: impl ExactSizeIterator<Item = String>) -> String {
 /// another recording.
 const NEAR: f64 = 0.1;
 
-/// A cell without a value.
 pub(super) const NONE: &str = "–";
 
 pub(super) fn write_choice(page: &mut Document, data: &CalibrationReport) {

@@ -22,7 +22,6 @@ pub(super) fn error(value: f64) -> String {
     significant(value, 3)
 }
 
-/// `pitch (deg)`.
 pub(super) fn with_unit(output: &OutputFacts) -> String {
     format!("{} ({})", output.name, output.unit)
 }

@@ -117,7 +117,6 @@ pub(super) struct PlanarMixture {
     pub(super) components: Vec<(f64, [f64; 2], [f64; 3])>,
 }
 
-/// A model and its predictions.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub(super) struct FamilyResult {
     pub name: String,
@@ -203,7 +202,6 @@ impl Straight {
         if length > 0.0 { self.gain.map(|gain| gain / length) } else { [1.0, 0.0] }
     }
 
-    /// Counts along that direction.
     pub fn along(&self, counts: &MotorVec) -> f64 {
         self.direction().iter().zip(counts).map(|(part, count)| part * count).sum()
     }

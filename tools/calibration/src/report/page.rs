@@ -170,7 +170,6 @@ impl CalibrationReport {
         findings
     }
 
-    /// The error of every family in one figure.
     fn families_figure(&self, page: &mut Document) {
         let label = format!("root mean square error over all outputs ({})", self.unit());
         let names = self.families.iter().map(|family| family.name.clone()).collect();

@@ -12,7 +12,6 @@ use super::objective::Objective;
 use crate::quality::latency::jackknife_deviation;
 use crate::series::blocks;
 
-/// The latency that a fit has left.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RemainingLatency {
     /// Below 0: they are early.

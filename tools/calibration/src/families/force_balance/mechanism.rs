@@ -18,11 +18,9 @@ const MOST_GAP: f64 = 0.2;
 #[derive(Debug, Clone, PartialEq)]
 pub struct BalanceMechanism {
     pub motors: Vec<BalanceMotorFound>,
-    /// What the recording did not show.
     pub not_shown: Vec<String>,
 }
 
-/// A number with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
     pub value: f64,

@@ -148,7 +148,6 @@ impl ReadOut {
         mixed
     }
 
-    /// The polynomial of the outputs at bends.
     pub fn solve(&self, bends: &DMatrix<f64>, measured: &DMatrix<f64>) -> Option<Solved> {
         self.solved(self.features(bends), measured, bends.ncols())
     }

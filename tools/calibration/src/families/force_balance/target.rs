@@ -62,26 +62,22 @@ impl<const D: usize> Target<D> {
         self.path.iter().map(|(_, time_s)| time_s).sum()
     }
 
-    /// The measured outputs, one row per sample.
     pub fn measured(&self) -> DMatrix<f64> {
         DMatrix::from_fn(self.samples.len(), self.outputs, |row, output| {
             self.samples[row].1[output]
         })
     }
 
-    /// The counts of every sample.
     pub fn counts(&self) -> DMatrix<f64> {
         DMatrix::from_fn(self.samples.len(), D, |row, motor| {
             self.path[self.samples[row].0].0[motor]
         })
     }
 
-    /// Some of the samples, on the same path.
     pub fn with(&self, rows: &[usize]) -> Self {
         Self { samples: rows.iter().map(|row| self.samples[*row]).collect(), ..self.clone() }
     }
 
-    /// The same for parameters with other terms.
     pub fn with_terms(&self, terms: Terms) -> Self {
         Self { layout: self.layout.with(terms), ..self.clone() }
     }
@@ -111,7 +107,6 @@ impl<const D: usize> Target<D> {
         Self { path, samples, ..self.clone() }
     }
 
-    /// The same, followed with less work.
     pub fn coarse(self) -> Self {
         Self { is_coarse: true, ..self }
     }

@@ -13,10 +13,8 @@
 //! |---|---|
 //! | `thresholds` | thresholds, and the choice of their number and range |
 //! | `weights` | the plays at every sample; their weights by variable projection |
-//! | `alternation` | weights for a mixture |
-//! | [`play_fit`] | the whole fit, and properties of the mechanism |
+//! | [`play_fit`] | the whole fit, with weights for a mixture; properties of the mechanism |
 
-mod alternation;
 pub mod play_fit;
 #[cfg(test)]
 mod tests;

@@ -84,7 +84,6 @@ impl ThresholdRange {
     }
 }
 
-/// The longest travel between a turning point and the next.
 fn longest_travel(counts: &[f64]) -> f64 {
     let mut turning = counts.first().copied().unwrap_or_default();
     let mut longest = 0.0_f64;
@@ -116,7 +115,6 @@ const SHIFTS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
 const COUNTS: [usize; 4] = [8, 7, 9, 10];
 const PLANAR: [usize; 4] = [6, 0, 4, 10];
 
-/// Minimum relative reduction of the error by a larger model.
 const MIN_GAIN: f64 = 0.005;
 
 #[derive(Debug, Clone, PartialEq)]

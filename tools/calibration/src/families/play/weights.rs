@@ -12,7 +12,7 @@ use i2ris::model::ModelError;
 use i2ris::units::MotorVec;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::super::operator_trace::{TracePoint, feature_matrix, trace_plays};
+use super::super::chain::{TracePoint, feature_matrix, trace_plays};
 use super::thresholds::Thresholds;
 use crate::regression::nnls::nnls;
 use crate::series::Series;
@@ -43,7 +43,6 @@ pub(super) struct Linearised {
 }
 
 impl Linearised {
-    /// The polynomial that fits best.
     pub fn polynomial(states: &PlayStates, weights: &Weights) -> Option<Self> {
         let virtual_counts = states.virtual_counts(weights);
         let basis = Polynomial::new(&virtual_counts)?;
@@ -54,7 +53,6 @@ impl Linearised {
         Some(Self { error, slopes, basis })
     }
 
-    /// The weights after a full step.
     pub fn step(&self, states: &PlayStates, weights: &Weights) -> Weights {
         let size: usize = weights.iter().map(|motor| motor.len()).sum();
         let (mut gram, mut rhs) = (DMatrix::zeros(size, size), DVector::zeros(size));
@@ -92,7 +90,6 @@ impl Linearised {
         DMatrix::from_columns(&columns)
     }
 
-    /// Sum of squares that is left.
     pub fn square(&self) -> f64 {
         self.error.norm_squared()
     }
@@ -162,14 +159,11 @@ pub(super) struct PlayStates {
     points: Vec<TracePoint>,
     /// Per motor: a row per sample, a column per threshold.
     pub plays: Vec<DMatrix<f64>>,
-    /// A row per sample.
     pub outputs: DMatrix<f64>,
-    /// The largest count.
     pub scale: f64,
 }
 
 impl PlayStates {
-    /// Runs the plays along the path.
     pub fn new(series: &Series, thresholds: &Thresholds) -> Result<Self, ModelError> {
         let points = trace_plays(series, &thresholds.idle())?;
         let counts = points.iter().flat_map(|point| point.virtual_counts);
@@ -254,7 +248,6 @@ const REGULARISATION: f64 = 1e-10;
 /// A polynomial of the virtual counts: a smooth substitute for the regression after the plays. It
 /// has the monomials at every sample.
 pub(super) struct Polynomial {
-    /// Powers of every variable.
     exponents: Vec<Vec<i32>>,
     /// Row: sample, column: monomial.
     pub values: DMatrix<f64>,
