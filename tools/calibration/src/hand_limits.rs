@@ -14,8 +14,7 @@ use serde::Serialize;
 /// Directions of straight motion of the motors, once around.
 const DIRECTIONS: u32 = 16;
 
-/// Number of corners of the hull; slopes are measured on the way from its centre to them, at shares
-/// of the way.
+/// Corners of the hull; slopes are measured at shares of the way from its centre to them.
 const CORNERS: usize = 16;
 const PLACES: [f64; 3] = [0.0, 0.4, 0.8];
 

@@ -2,8 +2,7 @@
 
 /// Receives progress. Calls come from several threads at once.
 pub trait Progress: Sync {
-    /// Starts a part of the whole work: its name, and its range of the whole, 0 to 1. It has one or
-    /// more pieces.
+    /// Starts a part of the work, with one or more pieces: its name, and its range, 0 to 1.
     fn part(&self, name: &str, from: f64, to: f64);
     /// Starts a piece of this many steps.
     fn begin(&self, steps: usize);

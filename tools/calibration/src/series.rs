@@ -1,5 +1,4 @@
-//! The part of a recording for the fit of a model with memory: the path of the motors, and samples
-//! along it.
+//! The part of a recording for a model with memory: the path, and samples along it.
 
 use std::ops::Range;
 
@@ -28,8 +27,7 @@ pub struct Sample {
 }
 
 impl Series {
-    /// The samples of the given rows of a recording, in rising order, and the path up to the last
-    /// of them.
+    /// The samples of some rows, in rising order, and the path up to the last of them.
     pub fn new(recording: &Recording, rows: &[usize]) -> Self {
         let rows = rows.iter().filter_map(|row| recording.rows().get(*row));
         let samples: Vec<Sample> = rows.map(Sample::from).collect();
@@ -60,8 +58,7 @@ impl Series {
         &self.path
     }
 
-    /// The positions in order, each with the time since the previous one, s; 0 in a recording
-    /// without time stamps.
+    /// Positions with the time since the previous one, s; 0 without time stamps.
     pub fn steps(&self) -> impl Iterator<Item = (&MotorVec, f64)> {
         self.path.iter().zip(self.times_s.iter().copied())
     }
@@ -77,9 +74,7 @@ impl Series {
 
     /// The first path index at which every motor has covered a range, counts.
     pub(crate) fn covered_from(&self, ranges: &MotorVec) -> usize {
-        let Some(first) = self.path.first() else {
-            return 0;
-        };
+        let Some(first) = self.path.first() else { return 0 };
         let (mut low, mut high) = (*first, *first);
         let covers = |counts: &MotorVec| {
             let mut all = true;

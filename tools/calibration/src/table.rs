@@ -16,8 +16,7 @@ impl DataTable {
         Self::from_rows(rows.ncols(), (0..rows.nrows()).map(cells))
     }
 
-    /// A table of the given rows. Rows longer than `width` are truncated; shorter ones are filled
-    /// with 0.
+    /// Rows longer than `width` are truncated; shorter ones are filled with 0.
     pub fn from_rows<Row: IntoIterator<Item = f64>>(
         width: usize,
         rows: impl IntoIterator<Item = Row>,

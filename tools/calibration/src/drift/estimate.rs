@@ -31,8 +31,7 @@ pub struct Value {
 pub struct DriftEstimate {
     /// Zero of every output, in its unit.
     pub zero: Vec<Value>,
-    /// Row: output; column: the calibrated output that contributes. Empty for a family without a
-    /// gain matrix.
+    /// Row: output; column: the calibrated output. Empty for a family without a gain matrix.
     pub gain: Vec<Vec<Value>>,
     /// Per motor, 1 as calibrated. Empty for a family without gaps.
     pub gap_scale: Vec<Value>,
@@ -193,8 +192,7 @@ pub(super) struct Point {
     pub slopes: [[f64; MAX_OUTPUTS]; MAX_MOTORS],
 }
 
-/// Rows with known memory. If it is never known, all rows: the memory then starts from the middle,
-/// as in the controller.
+/// Rows with known memory; all if it is never known: it then starts from the middle, as in use.
 pub(super) fn points(
     model: &Model,
     recording: &Recording,
@@ -243,8 +241,7 @@ const WEIGHTINGS: usize = 6;
 /// The median of the absolute value of a normal variable, in its deviations.
 const NORMAL_MEDIAN: f64 = 0.6745;
 
-/// Minimum share of independent rows: a rest that does not decay within a recording shows little of
-/// its end.
+/// Minimum share of independent rows: a rest that does not decay shows little of its end.
 const MIN_INDEPENDENT: f64 = 0.002;
 
 /// A linear problem: `target = features parameters + rest`.
@@ -267,8 +264,7 @@ struct Solution {
 
 /// Robust least squares with a prior. Outliers get Huber weights, iterated (P. J. Huber, "Robust
 /// Estimation of a Location Parameter", 1964). Rows of a rest with the autocorrelation `a` count as
-/// `(1 - a) / (1 + a)` independent ones. `None` if the equations cannot be solved: a number is not
-/// finite.
+/// `(1 - a) / (1 + a)` independent ones. `None` if a number is not finite.
 fn solve(problem: &Problem) -> Option<Solution> {
     let Problem { features, target, .. } = problem;
     let mut weights = DVector::from_element(target.len(), 1.0);

@@ -18,8 +18,7 @@ use crate::recording::{MIN_ROWS, Recording};
 /// An effect of the drift below this is negligible, deg (mm).
 const NOTHING: f64 = 0.05;
 
-/// If the rest of a model is this many times that of its calibration, the model no longer fits the
-/// robot.
+/// A rest this many times that of its calibration: the model no longer fits the robot.
 const WORSE: f64 = 1.5;
 
 /// A number differs from its calibration beyond this many deviations.
@@ -68,8 +67,7 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// The error of a calibration on its own recording, on held-out rows if available: the length over
-/// outputs.
+/// Error length of a calibration on its own recording, on held-out rows if available.
 fn usual(metrics: &[OutputMetrics]) -> f64 {
     let square = |metrics: &OutputMetrics| {
         let fit = metrics.held_out.unwrap_or(metrics.training);
@@ -107,8 +105,7 @@ const ZERO_SHARE: f64 = 0.8;
 pub struct Refined {
     /// Fitted to all rows of both recordings.
     pub outcome: FitOutcome,
-    /// RMS length of the error at the end of the use: of the old model, and of one that was not
-    /// fitted to this part.
+    /// RMS error length at the end of the use: old model, and one not fitted to this part.
     pub held_out: [f64; 2],
 }
 

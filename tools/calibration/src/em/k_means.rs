@@ -1,7 +1,6 @@
 //! Random starts: k-means++ seeds, a few rounds of k-means, one Gaussian per cluster.
 //!
-//! Source of the seeding: D. Arthur, S. Vassilvitskii, "k-means++: the advantages of careful
-//! seeding", 2007.
+//! Seeding: D. Arthur, S. Vassilvitskii, "k-means++: the advantages of careful seeding", 2007.
 
 use nalgebra::{SMatrix, SVector};
 use rand::RngExt;
@@ -100,8 +99,7 @@ impl<const N: usize> Clusters<N> {
     }
 }
 
-/// The index whose share of the cumulated `weights` holds `fraction`, 0 to 1; `None` if all weights
-/// are 0.
+/// Index whose share of the cumulated `weights` holds `fraction`; `None` if all weights are 0.
 fn draw(weights: &[f64], fraction: f64) -> Option<usize> {
     let mut left = fraction * weights.iter().sum::<f64>();
     let mut last = None;

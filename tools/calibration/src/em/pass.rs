@@ -1,8 +1,7 @@
 //! One pass over the data: responsibilities, log-likelihood and the sums for the next estimate.
 //!
 //! Sources: A. P. Dempster, N. M. Laird, D. B. Rubin, "Maximum likelihood from incomplete data via
-//! the EM algorithm", 1977; C. M. Bishop, "Pattern Recognition and Machine Learning", 2006, section
-//! 9.2.2.
+//! the EM algorithm", 1977; C. M. Bishop, "Pattern Recognition and Machine Learning", 2006, 9.2.2.
 
 use std::f64::consts::PI;
 
@@ -10,8 +9,7 @@ use nalgebra::{Cholesky, SMatrix, SVector};
 
 use crate::table::DataTable;
 
-/// Rows per block. A block of seven variables and one column of responsibilities stay in the
-/// first-level cache.
+/// Rows per block: seven variables and one column of responsibilities stay in the nearest cache.
 const BLOCK: usize = 64;
 
 /// Some rows, one array per variable. Rows at and beyond `used` are padding.
@@ -42,8 +40,7 @@ impl<const N: usize> Scaling<N> {
         Self { mean, deviation }
     }
 
-    /// Log-density of a row minus that of the standardised row: the log-Jacobian of the change of
-    /// variables.
+    /// Log-density of a row minus that of the standardised row: the log-Jacobian.
     pub fn log_jacobian(&self) -> f64 {
         -self.deviation.iter().map(|deviation| deviation.ln()).sum::<f64>()
     }
@@ -128,8 +125,7 @@ impl<const N: usize> Prepared<N> {
     }
 }
 
-/// Independent running sums per moment: the processor adds them side by side, and their order is
-/// fixed.
+/// Running sums per moment, which the processor adds side by side; their order is fixed.
 const LANES: usize = 4;
 
 /// Differences of log-densities below this contribute less than one rounding error to a sum of 1;
@@ -138,8 +134,7 @@ const NEGLIGIBLE: f64 = -40.0;
 
 type Lanes = [f64; LANES];
 
-/// Moments of the rows that belong to one component, taken about its present mean so that nothing
-/// cancels.
+/// Moments of the rows of one component, about its present mean so that nothing cancels.
 #[derive(Debug, Clone)]
 struct WeightedMoments<const N: usize> {
     weight: Lanes,
@@ -174,8 +169,7 @@ impl<const N: usize> WeightedMoments<N> {
         self.weight.iter().sum()
     }
 
-    /// The estimate that maximises the expected log-likelihood with `prior / weight` added to the
-    /// covariance.
+    /// Maximises the expected log-likelihood, with `prior / weight` added to the covariance.
     fn component(&self, mean: &[f64; N], rows: f64, prior: &SMatrix<f64, N, N>) -> Component<N> {
         let weight = self.total();
         let shift = SVector::<f64, N>::from_fn(|i, _| self.first[i].iter().sum::<f64>() / weight);
@@ -261,8 +255,7 @@ fn log_joint<const N: usize>(block: &Block<N>, component: &Prepared<N>, joint: &
     }
 }
 
-/// Turns log-densities into responsibilities (0 for padding); returns the sum of the rows'
-/// log-likelihoods.
+/// Turns log-densities into responsibilities (0 for padding); returns the log-likelihood.
 fn normalise(joint: &mut [[f64; BLOCK]], used: usize) -> f64 {
     let mut highest = [f64::NEG_INFINITY; BLOCK];
     for component in joint.iter() {

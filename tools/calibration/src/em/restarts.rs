@@ -48,8 +48,7 @@ pub struct MixtureFit {
     pub bic: f64,
 }
 
-/// Free parameters of a mixture of `components` over `variables`: weights that sum to 1, means,
-/// symmetric covariances.
+/// Free parameters of a mixture: weights that sum to 1, means, symmetric covariances.
 pub fn free_parameters(components: usize, variables: usize) -> usize {
     components * (1 + variables + variables * (variables + 1) / 2) - 1
 }
@@ -75,8 +74,7 @@ pub struct EmOptions {
     pub restarts: usize,
     /// Seed of the starts. The same seed gives the same model to the bit, on any number of cores.
     pub seed: u64,
-    /// Iterations have converged when one raises the mean log-likelihood per row by less,
-    /// nats.
+    /// An iteration that raises the mean log-likelihood per row by less is the last, nats.
     pub tolerance: f64,
     /// Maximum number of iterations from a start.
     pub max_iterations: usize,

@@ -103,28 +103,6 @@ fn noise_of(quality: &Quality, recording: &Recording) -> f64 {
     squares.sum::<f64>().sqrt()
 }
 
-/// Input of every model from a recording.
-pub(super) struct Training<'a> {
-    pub context: FileContext<'a>,
-    /// The affine model of the rows used for training.
-    pub straight: &'a LinearFit,
-}
-
-/// Prepares the rows of a recording, and fits a model to them.
-pub(super) fn training<T>(
-    recording: &Recording,
-    options: &FitOptions,
-    make: impl FnOnce(Training<'_>) -> Result<T, FitError>,
-) -> Result<T, FitError> {
-    let quality = Quality::new(recording, &options.spikes)?;
-    let split = Split::new(recording, options.hold_out)?;
-    let usable = |row: &usize| options.spikes.keep || !quality.is_flagged(*row);
-    let rows: Vec<usize> = split.training().filter(usable).collect();
-    outputs_change(recording, &rows)?;
-    let data = TrainingData::new(recording, rows)?;
-    make(Training { context: data.context(&quality, &split, options), straight: &data.straight })
-}
-
 /// A force-balance model of some rows, for properties of the recording alone; from parameters
 /// `known` of most of the same rows without a search. `None` if that gives no model.
 pub(super) fn balance_of(
@@ -206,17 +184,17 @@ fn marked(model: Arc<Model>, doubt: Option<String>) -> Arc<Model> {
 }
 
 /// The rows of a fit, and the common input of all families.
-struct TrainingData<'a> {
+pub(super) struct TrainingData<'a> {
     recording: &'a Recording,
     rows: Vec<usize>,
     hull: HullParameters,
     inputs: DataTable,
     outputs: DataTable,
-    straight: LinearFit,
+    pub straight: LinearFit,
 }
 
 impl<'a> TrainingData<'a> {
-    fn new(recording: &'a Recording, rows: Vec<usize>) -> Result<Self, FitError> {
+    pub fn new(recording: &'a Recording, rows: Vec<usize>) -> Result<Self, FitError> {
         let inputs = inputs(recording, rows.iter().copied());
         let outputs = outputs(recording, rows.iter().copied());
         let straight = fit_linear(&inputs, &outputs)?;
@@ -227,7 +205,7 @@ impl<'a> TrainingData<'a> {
         Ok(Self { recording, rows, hull, inputs, outputs, straight })
     }
 
-    fn context(
+    pub fn context(
         &'a self,
         quality: &'a Quality,
         split: &'a Split,
@@ -343,7 +321,7 @@ fn choose(
     }
 }
 
-fn outputs_change(recording: &Recording, training: &[usize]) -> Result<(), FitError> {
+pub(super) fn outputs_change(recording: &Recording, training: &[usize]) -> Result<(), FitError> {
     for (index, spec) in recording.outputs().iter().enumerate() {
         let mut values = training.iter().map(|row| recording.rows()[*row].outputs[index]);
         let first = values.next();

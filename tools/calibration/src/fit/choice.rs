@@ -33,8 +33,7 @@ use crate::{parallel, series};
 const CREDIBLE: f64 = 1.7;
 const UNKNOWN_NOISE: f64 = 0.5;
 
-/// A family is no plant if even the best of the others leaves so many times what both of them leave
-/// of the rows held out.
+/// A family is no plant if the best of the others leaves this many times their held-out errors.
 const FOLLOWED: f64 = 3.0;
 
 /// Ticks of a trial, and ticks at its start that do not count.
@@ -54,8 +53,7 @@ pub struct Score {
     pub held_out: f64,
     /// Mean square length of the error in every block held out, rad^2 (m^2).
     pub blocks: Vec<f64>,
-    /// The same in as many parts of the trials that decide; none where the rows held out decide
-    /// alone.
+    /// The same in parts of the trials that decide; none where the held-out rows decide alone.
     pub parts: Vec<f64>,
     /// RMS length of the tracking error on the other families that are plants, rad (m), and the one
     /// where it is worst; `None` without another plant.
@@ -77,18 +75,14 @@ impl Score {
     /// pieces: the mean and its standard error.
     pub fn beside(&self, other: &Self) -> (f64, f64) {
         let is_tried = !self.parts.is_empty() && !other.parts.is_empty();
-        let pieces = |score: &Self| -> Vec<f64> {
-            let pieces = score.blocks.iter().enumerate();
-            let part = |piece| match score.parts.get(piece) {
-                Some(part) if is_tried => *part,
-                _ => 0.0,
-            };
-            let pieces = pieces.map(|(piece, block)| block + part(piece));
-            pieces.map(|square| 0.5 * square.max(f64::MIN_POSITIVE).ln()).collect()
+        let logarithm = |score: &Self, piece: usize| {
+            let part = score.parts.get(piece).filter(|_| is_tried).unwrap_or(&0.0);
+            0.5 * (score.blocks[piece] + part).max(f64::MIN_POSITIVE).ln()
         };
         // Blocks differ in what moves: of ratios each counts the same.
-        let pairs = pieces(self).into_iter().zip(pieces(other));
-        let ratios: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
+        let pieces = 0..self.blocks.len().min(other.blocks.len());
+        let ratios: Vec<f64> =
+            pieces.map(|piece| logarithm(self, piece) - logarithm(other, piece)).collect();
         let count = ratios.len() as f64;
         let mean = ratios.iter().sum::<f64>() / count;
         let squares: f64 = ratios.iter().map(|ratio| (ratio - mean).powi(2)).sum();
@@ -171,8 +165,7 @@ fn parts<'a>(trials: impl Iterator<Item = &'a (usize, Candidate)>, count: usize)
     parts.filter(|part| !part.is_empty()).map(mean).collect()
 }
 
-/// Indices of the scores that are as good as the best, the best of which is the one of least error
-/// over all pieces.
+/// Indices of the scores that are as good as the best, which has the least error over all.
 fn as_good(scores: &[Score]) -> Vec<usize> {
     let better = |a: &usize, b: &usize| scores[*a].beside(&scores[*b]).0.total_cmp(&0.0);
     let Some(best) = (0..scores.len()).min_by(better) else { return Vec::new() };
@@ -261,9 +254,8 @@ impl Goals {
     fn new(straight: &Model) -> Self {
         let path = ExaminationPath::new(straight.hull(), TURNING_TICKS, TICKS);
         let none = straight.new_memory();
-        let predicted = path.wander.iter();
-        let predicted = predicted.map(|counts| straight.predict(counts, &none).mean);
-        Self { outputs: straight.outputs(), goals: predicted.collect(), path }
+        let goals = path.wander.iter().map(|counts| straight.predict(counts, &none).mean).collect();
+        Self { outputs: straight.outputs(), goals, path }
     }
 }
 

@@ -1,8 +1,8 @@
 //! Further starts of `force-balance`: shipped snakes, and an earlier calibration.
 //!
-//! The own starts run as without them. Where a further one leads is taken only if it explains the
-//! rows held out better, which neither search has seen, and surely so with the blocks that each
-//! search has left out itself.
+//! The own starts run as without them. A further one is taken only if it explains the rows held out
+//! better, which neither search has seen, and surely so with the blocks that each has left out
+//! itself.
 
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::model::hysteresis::force_balance::BalanceParameters;
@@ -47,8 +47,7 @@ pub(super) fn balance_of<'a>(
     Ok(balance)
 }
 
-/// Error on the rows held out of the own model and of another search, SI units, where there is a
-/// model, and which was taken.
+/// Held-out error of the own model and of another search, SI units, and which was taken.
 pub(super) struct Judgement {
     is_taken: bool,
     own: Option<f64>,
@@ -73,8 +72,7 @@ pub(super) fn try_shipped(
     }
 }
 
-/// Takes what another search has found in place of the own model if rows held out show that it is
-/// better.
+/// Takes what another search has found if the rows held out show that it is better.
 pub(super) fn take_better(
     own: &mut FamilyOutcome,
     found: FamilyOutcome,
@@ -188,8 +186,7 @@ mod tests {
 
     const USUAL: [f64; 5] = [-20.0, 16.0, 45.0, 0.2, 0.15];
 
-    /// Two snakes that the own starts may miss, by friction that grows with tension or by a gap
-    /// that is wider than most.
+    /// Two snakes that the own starts may miss, by friction growing with tension or a wide gap.
     #[test]
     fn earlier_calibration_helps_or_changes_nothing() {
         let mut least: f64 = 1.0;

@@ -26,8 +26,7 @@ const MIN_SHARE: f64 = 0.2;
 /// Positions along each motor's range.
 const STEPS: usize = 25;
 
-/// Width of the region of rows around a place, as a part of each motor's range: well below a slack
-/// zone.
+/// Width of the region around a place, as a part of each range: well below a slack zone.
 const WIDTH: f64 = 0.03;
 
 /// Rows of a local regression per parameter, and tolerance of its slope, in standard errors.
@@ -56,8 +55,7 @@ impl fmt::Display for FlatSpot {
     }
 }
 
-/// The flattest place of a model that its rows do not show, if any. Models with memory are
-/// evaluated without it.
+/// The flattest place that its rows do not show, if any; models with memory without it.
 pub fn flat_spot(
     model: &Model,
     inputs: &DataTable,
@@ -160,8 +158,7 @@ impl<'a> Rows<'a> {
         })
     }
 
-    /// The smallest slope in a direction that the rows around a place allow. `None` if there are
-    /// too few.
+    /// The smallest slope in a direction that the nearby rows allow. `None` if too few.
     fn least_slope(&self, counts: &MotorVec, direction: &DVector<f64>) -> Option<f64> {
         let numbers = self.motors() + 1;
         let zeros = || DMatrix::zeros(numbers, numbers);
@@ -221,8 +218,7 @@ mod tests {
         0.05 * counts
     }
 
-    /// The flattest spot of a model with a slope, for a robot with outputs that were measured
-    /// outside a range.
+    /// The flattest spot for a robot whose outputs were measured outside a range.
     fn spot(
         slope: fn(f64) -> f64,
         outputs: fn(f64) -> f64,

@@ -2,9 +2,8 @@
 //!
 //! The estimate of [`crate::quality::latency`] represents hysteresis by plays only; any other delay
 //! of a snake looks like a late camera. So a force-balance model is fitted from that estimate, with
-//! the latency as an additional parameter ([`crate::families::force_balance::latency`]), and it
-//! must explain held-out rows better than without the latency, those of every motor in both
-//! directions.
+//! the latency as one more parameter ([`crate::families::force_balance::latency`]). It must explain
+//! held-out rows better than without, those of every motor in both directions.
 
 use i2ris::model::file::FamilyParameters;
 use i2ris_report::statistics::min_max;
@@ -31,8 +30,7 @@ const MIN_LATENCY_S: f64 = 0.015;
 const DEVIATIONS: f64 = 2.0;
 const UNSURE_S: f64 = 0.01;
 
-/// Number of fits, each to the recording corrected by the previous one, and maximum error of the
-/// initial estimate.
+/// Fits, each to the recording corrected by the previous one; maximum error of the estimate.
 const ROUNDS: usize = 2;
 const FURTHEST_S: f64 = 0.03;
 

@@ -40,8 +40,7 @@ pub(crate) fn along(model: &Model, recording: &Recording, mut at: impl FnMut(usi
     }
 }
 
-/// Rows whose pose the inverse of a model clips, outside the range of the robot, and the distance,
-/// rad (m).
+/// Rows whose pose the inverse clips, outside the range of the robot, and the distance, rad (m).
 pub fn clipped_rows(model: &Model, recording: &Recording) -> Vec<(usize, f64)> {
     let mut clipped = Vec::new();
     along(model, recording, |index, memory| {

@@ -1,5 +1,4 @@
-//! Detects a snake whose error in use will be above twice the deviation that the model states, or
-//! far above the noise.
+//! Detects a snake whose error in use exceeds twice the stated deviation, or far exceeds the noise.
 //!
 //! The robot and the adaptation trust that deviation. Two signs at the end of a fit show that it is
 //! too small: measured poses that the inverse does not reach, and another family that explains the
@@ -30,8 +29,7 @@ const MAX_NOISES: f64 = 5.0;
 pub struct ModelMismatch {
     unit: OutputUnit,
     stated: f64,
-    /// RMS distance of the measured poses from those that the inverse reaches, and the share of
-    /// unreachable poses, percent.
+    /// RMS distance of measured poses from the reached ones; unreachable poses, percent.
     clipped: (f64, f64),
     /// Remaining error of the inverse on the nearest of the other families.
     other: Option<(f64, Family)>,

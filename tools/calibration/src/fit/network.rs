@@ -13,10 +13,12 @@ use i2ris::model::{Memory, Model, ModelError};
 use i2ris::units::MotorVec;
 use serde::{Deserialize, Serialize};
 
-use super::all_families::{Training, training};
+use super::all_families::{TrainingData, outputs_change};
 use super::model_file::Fitted;
 use super::options::FitOptions;
 use super::outcome::FitError;
+use super::split::Split;
+use crate::quality::Quality;
 use crate::recording::{PathPoint, Recording};
 use i2ris_report::statistics::largest_difference;
 
@@ -98,33 +100,37 @@ pub fn import(
     options: &FitOptions,
 ) -> Result<Model, FitError> {
     file.check(recording)?;
-    training(recording, options, |training| {
-        let Training { context, straight, .. } = training;
-        let parameters = |memory_counts: Vec<f64>| {
-            Fitted::plain(FamilyParameters::Network {
-                network: file.network.clone(),
-                memory_counts,
-                gain: straight.gain.clone(),
-                covariance: straight.covariance.clone(),
-            })
-        };
-        let refused = |error| FitError::Network(NetworkError::Refused(error));
-        let ranges = vec![0.0; recording.motors()];
-        let first = context.model(&parameters(ranges)).map_err(refused)?;
-        let errors = first.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training));
-        let error = errors.map(|fit| fit.rmsd.powi(2)).sum::<f64>().sqrt();
-        let rows = context.held_out_or_training();
-        let square = |row: &usize| {
-            let row = &recording.rows()[*row];
-            let pairs = straight.predict(&row.counts).zip(&row.outputs);
-            pairs.map(|(found, measured)| (found - measured).powi(2)).sum::<f64>()
-        };
-        let straight = (rows.iter().map(square).sum::<f64>() / rows.len() as f64).sqrt();
-        if error.is_nan() || error > MAX_ERROR_RATIO * straight {
-            return Err(NetworkError::WorseThanLinear { error, straight }.into());
-        }
-        context.model(&parameters(forgets(&first))).map_err(refused)
-    })
+    let quality = Quality::new(recording, &options.spikes)?;
+    let split = Split::new(recording, options.hold_out)?;
+    let usable = |row: &usize| options.spikes.keep || !quality.is_flagged(*row);
+    let rows: Vec<usize> = split.training().filter(usable).collect();
+    outputs_change(recording, &rows)?;
+    let data = TrainingData::new(recording, rows)?;
+    let (context, straight) = (data.context(&quality, &split, options), &data.straight);
+    let parameters = |memory_counts: Vec<f64>| {
+        Fitted::plain(FamilyParameters::Network {
+            network: file.network.clone(),
+            memory_counts,
+            gain: straight.gain.clone(),
+            covariance: straight.covariance.clone(),
+        })
+    };
+    let refused = |error| FitError::Network(NetworkError::Refused(error));
+    let ranges = vec![0.0; recording.motors()];
+    let first = context.model(&parameters(ranges)).map_err(refused)?;
+    let errors = first.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training));
+    let error = errors.map(|fit| fit.rmsd.powi(2)).sum::<f64>().sqrt();
+    let rows = context.held_out_or_training();
+    let square = |row: &usize| {
+        let row = &recording.rows()[*row];
+        let pairs = straight.predict(&row.counts).zip(&row.outputs);
+        pairs.map(|(found, measured)| (found - measured).powi(2)).sum::<f64>()
+    };
+    let straight = (rows.iter().map(square).sum::<f64>() / rows.len() as f64).sqrt();
+    if error.is_nan() || error > MAX_ERROR_RATIO * straight {
+        return Err(NetworkError::WorseThanLinear { error, straight }.into());
+    }
+    context.model(&parameters(forgets(&first))).map_err(refused)
 }
 
 /// Parts of the hull that are tried, and positions per turn through the hull.

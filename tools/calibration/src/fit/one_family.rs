@@ -183,8 +183,7 @@ impl FamilyFitter<'_> {
             part => refit(&options(part)).map(|fit| fitted(&fit)),
         });
         smooth.or_else(|refused| {
-            // Rows of one motor at a time can be explained by a regression that folds between the
-            // axes.
+            // With one motor at a time, a regression may fold between the axes.
             let straight = ChainOptions { components: Some(1), residual: false, ..options(0.0) };
             let model = self.checked(family, &fitted(&refit(&straight)?));
             let model = model.and_then(|model| self.not_worse_than_linear(family, model));

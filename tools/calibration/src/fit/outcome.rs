@@ -81,8 +81,7 @@ pub struct FitOutcome {
     pub model: Arc<Model>,
     /// The chosen family.
     pub family: Family,
-    /// The affine model of the same rows, for comparison. It is the same model if `family` is
-    /// linear.
+    /// The affine model of the same rows; the same model if `family` is linear.
     pub linear: Arc<Model>,
     /// The result of every requested family, the simplest first.
     pub families: Vec<FamilyOutcome>,

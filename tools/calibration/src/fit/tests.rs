@@ -375,8 +375,7 @@ fn a_model_with_memory_without_inverse_is_smoothed() {
     assert!(note.contains("of the covariance of all rows"), "{note}");
 }
 
-/// Motor 0 goes to its ends before motor 1 has moved at all, so that the state there is unknown,
-/// and then not as far again.
+/// Motor 0 goes to its ends while the state is unknown, and then not as far again.
 #[test]
 fn poses_that_were_measured_are_not_clipped() {
     let (mut random, mut played) = (noise(6), [0.0; 2]);

@@ -14,8 +14,7 @@ const MIN_CYCLES: f64 = 1.9;
 /// Minimum travel beyond the middle for a crossing, as a part of the range.
 const CROSSING_PART: f64 = 0.1;
 
-/// Maximum deviation of a cycle's length from the usual one, as a part of it, in a motion that
-/// repeats.
+/// Maximum relative deviation of the length of a cycle in a motion that repeats.
 const IRREGULARITY: f64 = 0.25;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,8 +80,7 @@ fn periods(recording: &Recording, motor: usize) -> Option<Rhythm> {
     periods.iter().all(regular).then_some(Rhythm { progress, cycle })
 }
 
-/// Indices at which the counts rise through the middle of their range, from well below to well
-/// above.
+/// Indices at which the counts rise through the middle, from well below to well above.
 fn upward_crossings(counts: &[f64]) -> Vec<usize> {
     let (low, high) = min_max(counts.iter().copied());
     let (middle, band) = (0.5 * (low + high), CROSSING_PART * (high - low));

@@ -1,8 +1,6 @@
-//! Whether a recording can separate hysteresis from the shape of the curve, by the path of the
-//! motors alone.
+//! Whether the path of the motors can separate hysteresis from the shape of the curve.
 //!
-//! A **turning point** is where a motor turns back by more than a dead-band, so that play or
-//! friction can show.
+//! A **turning point**: a motor turns back by more than a dead-band, so that friction can show.
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -17,8 +15,7 @@ use i2ris_report::statistics::min_max;
 const REVERSAL_PART: f64 = 0.02;
 const MIN_TURNING_POINTS: usize = 2;
 
-/// Turning points within this part of the range are the same one; a small loop has at most the
-/// other part as a stroke.
+/// Turning points this near are the same, as a part of the range; largest stroke of a small loop.
 const SAME_PART: f64 = 0.1;
 const SMALL_PART: f64 = 0.5;
 
@@ -129,8 +126,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// The limits of the path of a series. If it cannot show hysteresis at all, lesser findings are
-/// left out.
+/// Limits of a path. If it cannot show hysteresis at all, lesser findings are left out.
 pub(crate) fn limits_of_path(series: &Series) -> Vec<Finding> {
     let motors = (0..series.motors()).filter_map(|motor| motor_finding(series, motor));
     let mut findings: Vec<Finding> = motors.chain(plane_finding(series)).collect();

@@ -3,8 +3,8 @@
 //! Plain cross-correlation of angle and counts is biased here: gaps and friction delay the angle at
 //! any speed, and that delay is not time. The features therefore include hysteresis without time,
 //! whose lag does not depend on the speed. The **multiple correlation** of these features, shifted
-//! in time, with the outputs has its maximum at the latency; around its peak, the squared residuals
-//! are a parabola.
+//! in time, with the outputs is largest at the latency; there, the squared residuals are a
+//! parabola.
 //!
 //! Hysteresis that the features do not represent is not white noise: it repeats at every reversal,
 //! and moves the peak. So the uncertainty is that of the jackknife over blocks of the recording:
@@ -30,8 +30,7 @@ const COARSE_S: f64 = 0.02;
 const WIDTH_S: f64 = 0.01;
 const STEPS: usize = 4;
 
-/// Maximum number of samples; more hardly improve the result: of longer recordings every second,
-/// third, ... is used.
+/// Maximum number of samples; of longer recordings every second, third, ... is used.
 const MAX_SAMPLES: usize = 5000;
 
 const BLOCKS: usize = 8;
@@ -42,8 +41,7 @@ const PENALTY: f64 = 1e-9;
 const LEFT_OUT_PENALTY: f64 = 1e-4;
 
 /// Minimum part of the effect of a shift that other features must not compensate. It is 2 to 8 % if
-/// every stroke has its own speed, and below 1 % in decaying sines, whose estimates are wrong by up
-/// to 140 ms.
+/// strokes differ in speed, and below 1 % in decaying sines: estimates off by up to 140 ms.
 const MIN_VISIBLE: f64 = 0.013;
 
 /// Outputs with a possibly late stamp.
@@ -167,8 +165,7 @@ impl Search<'_> {
             Some(self.features.matrix(times)? * &coefficients)
         };
         let change = explained(middle + WIDTH_S)? - explained(middle - WIDTH_S)?;
-        // The effect of a shift by the width, and the part of it that the regression cannot
-        // compensate.
+        // The effect of a shift by the width, and its part that the regression cannot compensate.
         let changed = 0.25 * change.norm_squared() / self.seen.len() as f64;
         let kept = 0.5 * (errors[0] - 2.0 * errors[1] + errors[2]);
         Some(kept > MIN_VISIBLE * changed)
@@ -234,8 +231,7 @@ mod tests {
         (0..(seconds / 0.004) as usize).map(place).collect()
     }
 
-    /// Outputs of a snake with a gap of 60 counts, 30 times a second, stamped `late` seconds too
-    /// late.
+    /// Outputs of a snake with a gap of 60 counts, 30 times a second, stamped late.
     fn seen(path: &[TimedCounts], late: f64, noise: f64) -> Vec<TimedOutputs> {
         let mut played = MotorVec::default();
         let mut random = gaussian(1);
@@ -269,8 +265,7 @@ mod tests {
         }
     }
 
-    /// A snake whose axes slide together with one gap: with plays of single motors alone it looks
-    /// 15 ms late.
+    /// Axes that slide together with one gap: with plays of single motors they look 15 ms late.
     #[test]
     fn axes_that_slide_together_are_not_late() {
         let path = path(60.0);

@@ -3,8 +3,7 @@
 //! polynomials, because hysteresis changes with the pose.
 //!
 //! There are plays for every motor, and vector plays, in which both motors share one gap: the path
-//! pulls a point on a leash. Without those, snakes whose axes slide together show false latencies
-//! of up to 60 ms.
+//! pulls a point on a leash. Without those, axes that slide together look up to 60 ms late.
 
 use i2ris::units::{MAX_MOTORS, MotorVec};
 use i2ris_report::statistics::{interpolate, median, min_max};
@@ -181,12 +180,10 @@ impl Plays {
     }
 }
 
-/// Rows further apart in time are measured after the motors have come to rest: the path between
-/// them is unknown.
+/// Rows further apart are measured at rest: the path between them is unknown.
 const SETTLED_S: f64 = 0.3;
 
-/// Positions further apart than this many times the usual distance are a gap: no outputs are moved
-/// into it.
+/// Positions this many times the usual distance apart: no outputs are moved into that gap.
 const GAP: f64 = 5.0;
 
 impl Recording {
@@ -213,9 +210,7 @@ impl Recording {
     /// that leave the recording or fall into a gap are left out; a recording without time stamps
     /// stays as it is.
     pub fn shifted(&self, seconds: f64) -> Self {
-        let Some(timed) = self.timed_path() else {
-            return self.clone();
-        };
+        let Some(timed) = self.timed_path() else { return self.clone() };
         let gap = GAP * usual_step(&timed).unwrap_or_default();
         let moved = self.rows().iter().filter_map(|row| {
             let time_s = row.time_s? - seconds;

@@ -50,8 +50,7 @@ pub struct Quality {
 const MIN_BEND_DEG: f64 = 1.6;
 
 impl Quality {
-    /// Examines a recording. Fails if the motors do not span their space: not even an affine model
-    /// can be fitted.
+    /// Examines a recording. Fails if not even an affine model can be fitted to the motors.
     pub fn new(recording: &Recording, options: &SpikeOptions) -> Result<Self, LinearError> {
         let rows = recording.rows();
         let indices = || 0..rows.len();

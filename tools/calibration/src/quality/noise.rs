@@ -1,8 +1,6 @@
-//! The noise of the measurement itself, from the recording alone: the lower bound of any model's
-//! error.
+//! The noise of the measurement, from the recording alone: a lower bound of any error.
 //!
-//! Two estimators, both robust against spikes and against the few rows where their assumption
-//! fails:
+//! Two estimators, both robust against spikes and the few rows that break their assumption:
 //!
 //! - **repeats**: pairs of neighbouring rows with the same counts. If the snake is still while
 //!   the motors do, they differ by noise only, with the variance `2 sigma^2`. Creep between the
@@ -91,8 +89,7 @@ pub struct SpikeOptions {
     pub half_window: usize,
     /// Robust standard deviations of the recording beyond which a reading is a spike.
     pub threshold: f64,
-    /// Minimum distance of a spike, in the unit of the output: without noise, rounding would be
-    /// flagged.
+    /// Minimum distance of a spike, unit of the output: without noise, rounding would be one.
     pub least: f64,
     /// Whether flagged rows are still used for training.
     pub keep: bool,

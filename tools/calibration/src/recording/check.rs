@@ -30,8 +30,7 @@ impl Table<'_> {
         (0..self.layout.counts.len()).try_for_each(|motor| self.steps_are_of_a_motor(motor))
     }
 
-    /// Columns in use: the option that leaves the column out, the meaning if it never changes, and
-    /// its cell in a row.
+    /// Columns in use: option that leaves it out, meaning if it never changes, cell in a row.
     fn used(&self) -> impl Iterator<Item = (&Column, [&'static str; 2], impl Fn(&ReadRow) -> f64)> {
         let Layout { time, counts, outputs, .. } = &self.layout;
         let time = time.iter().map(|column| (column, ["--time none", ""], 0));
@@ -87,9 +86,7 @@ impl Table<'_> {
     }
 
     fn times_rise(&self) -> Result<(), RecordingError> {
-        let Some(column) = &self.layout.time else {
-            return Ok(());
-        };
+        let Some(column) = &self.layout.time else { return Ok(()) };
         let stamps = || self.located().map(|row| (row.time_s.unwrap_or_default(), row.line));
         let mut pairs = stamps().zip(stamps().skip(1));
         let Some(((previous, previous_line), (time, line))) = pairs.find(|(a, b)| a.0 >= b.0)
@@ -108,9 +105,7 @@ impl Table<'_> {
 
     /// Checks for a rate that no camera has: stamps are often in ms with a name in seconds.
     fn rate_is_usual(&mut self) -> Result<(), RecordingError> {
-        let Some(Column { name, .. }) = &self.layout.time else {
-            return Ok(());
-        };
+        let Some(Column { name, .. }) = &self.layout.time else { return Ok(()) };
         let times: Vec<f64> = self.located().filter_map(|row| row.time_s).collect();
         let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let hz = median(&mut steps).map_or(USUAL_HZ.0, |step| 1.0 / step);
@@ -172,9 +167,7 @@ impl Table<'_> {
             return Ok(());
         }
         let wrong = glitches(&counts);
-        let Some(&first) = wrong.first() else {
-            return Ok(());
-        };
+        let Some(&first) = wrong.first() else { return Ok(()) };
         let neighbour = counts.get(first.wrapping_sub(1)).or(counts.get(first + 1));
         let (value, usual) = (counts[first], neighbour.copied().unwrap_or_default());
         let all: Vec<String> = wrong.iter().map(|row| lines[*row].to_string()).collect();

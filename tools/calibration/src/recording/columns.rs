@@ -14,8 +14,7 @@ use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 use super::error::{Place, Problem, RecordingError};
 
-/// Known columns of time stamps, in order of preference. Of the laboratory's two clocks, that of
-/// the encoders.
+/// Known columns of time stamps, in order of preference; of two clocks that of the encoders.
 const TIMES: [&str; 2] = ["t_s", "Enc TS"];
 
 /// Words in a name of time, besides its unit.
@@ -58,8 +57,7 @@ pub struct ColumnMap {
     pub unwrap: bool,
     /// A motor may stand still: a model is judged on any motion.
     pub still: bool,
-    /// The reader has the options `--counts`, `--angles`, `--time` and `--unwrap`, so that a remedy
-    /// may name them.
+    /// Remedies may name the options `--counts`, `--angles`, `--time` and `--unwrap`.
     pub options: bool,
 }
 
@@ -130,10 +128,8 @@ pub struct OutputColumn {
 
 /// A text that does not name an output.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{text}` is not an output: write COLUMN or COLUMN=NAME, with a name of 1 to 16 bytes")]
-pub struct ParseColumnError {
-    text: String,
-}
+#[error("`{0}` is not an output: write COLUMN or COLUMN=NAME, with a name of 1 to 16 bytes")]
+pub struct ParseColumnError(String);
 
 impl FromStr for OutputColumn {
     type Err = ParseColumnError;
@@ -149,7 +145,7 @@ impl FromStr for OutputColumn {
             column.strip_suffix("_deg").or_else(|| column.strip_suffix("_mm")).unwrap_or(column);
         let name = name.or(known.map(|(_, name, _)| *name)).unwrap_or(stem);
         if column.is_empty() || !(1..=16).contains(&name.len()) {
-            return Err(ParseColumnError { text: text.to_owned() });
+            return Err(ParseColumnError(text.to_owned()));
         }
         let unit = if column.ends_with("_mm") { OutputUnit::Mm } else { OutputUnit::Deg };
         Ok(Self { column: column.to_owned(), output: output(name, unit) })
@@ -258,9 +254,7 @@ impl Header<'_> {
 
     /// Finds angles before positions: a model has one kind only.
     fn outputs(&self) -> Result<Vec<(Column, OutputSpec)>, RecordingError> {
-        let Some(wanted) = &self.wanted.outputs else {
-            return Ok(Vec::new());
-        };
+        let Some(wanted) = &self.wanted.outputs else { return Ok(Vec::new()) };
         let option = "--angles COLUMN=NAME or --angles COLUMN=NAME,COLUMN=NAME";
         let named = &self.map.outputs;
         let of = |spec: &OutputSpec| {
@@ -356,7 +350,6 @@ fn words(name: &str) -> Vec<String> {
     words.filter(|word| !word.is_empty()).map(str::to_lowercase).collect()
 }
 
-/// Unit of time, s.
 pub(super) fn unit_s(unit: &str) -> Option<f64> {
     TIME_UNITS.iter().find(|(names, _)| names.contains(&unit)).map(|(_, seconds)| *seconds)
 }

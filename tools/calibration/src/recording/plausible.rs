@@ -12,8 +12,7 @@ use super::table::{ReadRow, Table};
 /// Fewer rows show no pattern.
 const MIN_SHOWN: usize = 50;
 
-/// Mean squared step over twice the variance: 1 for rows in random order, near 0 along a path, 2
-/// from one end to the other.
+/// Mean squared step over twice the variance: 1 in random order, near 0 along a path, 2 end to end.
 const RANDOM: std::ops::Range<f64> = 0.7..1.3;
 
 /// All positions of a snake that is calibrated span more than this, mm.
@@ -68,8 +67,7 @@ fn steps(values: &[f64]) -> Vec<f64> {
     values.windows(2).map(|pair| pair[1] - pair[0]).collect()
 }
 
-/// Slopes of an output over the counts of both motors, by least squares; `None`: the rows do not
-/// tell them apart.
+/// Least-squares slopes over the counts of both motors; `None` if rows do not tell them apart.
 fn slopes(rows: &[([f64; MAX_MOTORS], f64)], motors: usize) -> Option<[f64; MAX_MOTORS]> {
     let count = rows.len() as f64;
     let mean =
@@ -96,8 +94,7 @@ fn slopes(rows: &[([f64; MAX_MOTORS], f64)], motors: usize) -> Option<[f64; MAX_
 }
 
 impl Table<'_> {
-    /// Refuses rows that cannot be a recording, leaves repeated ones out, and notes what is strange
-    /// in the others.
+    /// Refuses impossible rows, leaves repeated ones out, and notes what is strange in the others.
     pub fn check_plausible(&mut self) -> Result<(), RecordingError> {
         if self.complete().len() < MIN_SHOWN {
             return Ok(());

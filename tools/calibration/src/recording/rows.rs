@@ -29,8 +29,7 @@ pub struct Row {
     pub time_s: Option<f64>,
     /// Encoder counts; entries beyond the number of motors are 0.
     pub counts: MotorVec,
-    /// Measured outputs in the unit of the file (degrees or mm); entries beyond the number of
-    /// outputs are 0.
+    /// In the unit of the file (degrees or mm); entries beyond the number of outputs are 0.
     pub outputs: [f64; MAX_OUTPUTS],
     /// Index of the position in [`Recording::path`].
     pub path_index: usize,
@@ -89,8 +88,7 @@ impl Recording {
         &self.outputs
     }
 
-    /// The path of the motors: every position of the file, in order, including those without
-    /// outputs.
+    /// Every position of the file, in order, including those without outputs.
     pub fn path(&self) -> &[PathPoint] {
         &self.path
     }

@@ -145,8 +145,7 @@ fn separator(lines: &[&str]) -> (u8, usize) {
     (widest.copied().unwrap_or(b','), lines.len())
 }
 
-/// The line that names the columns: the first before the numbers with the same number of cells, or
-/// else the last before them.
+/// The line that names the columns: the first as wide as the numbers, or the last before them.
 fn head(lines: &[&str], separator: u8, first: usize) -> Option<usize> {
     let width = lines.get(first).map_or(0, |line| cells(line, separator).len());
     let mut before = (0..first).filter(|index| !lines[*index].trim().is_empty());
@@ -187,12 +186,9 @@ fn records(text: &str, separator: u8, width: usize) -> Vec<(u64, StringRecord)> 
     rows
 }
 
-/// Line of a record. Its position is where the reader began to search for it: blank lines may
-/// follow.
+/// Line of a record; its position is where the search for it began, before blank lines.
 fn line_of(record: &StringRecord, bytes: &[u8]) -> u64 {
-    let Some(position) = record.position() else {
-        return 0;
-    };
+    let Some(position) = record.position() else { return 0 };
     let from = usize::try_from(position.byte()).unwrap_or(usize::MAX);
     let blank = bytes.iter().skip(from).take_while(|byte| matches!(byte, b'\r' | b'\n'));
     position.line() + blank.filter(|byte| **byte == b'\n').count() as u64
@@ -264,9 +260,7 @@ fn clock_s(text: &str) -> Option<f64> {
 /// Days from 1970-01-01 to `YYYY-MM-DD`, in the Gregorian calendar.
 fn days(date: &str) -> Option<f64> {
     let parts: Option<Vec<i64>> = date.split(['-', '/']).map(|part| part.parse().ok()).collect();
-    let [year @ 1000..=9999, month @ 1..=12, day @ 1..=31] = parts?[..] else {
-        return None;
-    };
+    let [year @ 1000..=9999, month @ 1..=12, day @ 1..=31] = parts?[..] else { return None };
     // A year that begins in March has its leap day at the end.
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     let leap_days = year / 4 - year / 100 + year / 400;

@@ -119,12 +119,9 @@ impl<'a> Table<'a> {
         Ok(ReadRow { line, time_s, counts, outputs, located, empty })
     }
 
-    /// Takes the unit of time from a line of units, and refuses units that differ from those of the
-    /// columns.
+    /// Takes the unit of time from a line of units, and refuses units unlike those of the columns.
     fn read_units(&mut self, sheet: &Sheet) -> Result<(), RecordingError> {
-        let Some((line, cells)) = &sheet.units else {
-            return Ok(());
-        };
+        let Some((line, cells)) = &sheet.units else { return Ok(()) };
         let unit_of = |column: &Column| {
             let cell = cells.get(column.index).unwrap_or_default();
             cell.trim_matches(['[', ']', '(', ')', ' ']).to_lowercase()

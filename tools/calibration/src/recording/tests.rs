@@ -323,8 +323,7 @@ fn repeats_leave_the_path_as_it_is() {
     assert_eq!((report.dropped.len(), report.positions), (0, 59));
 }
 
-/// A camera without noise, as emulated: the snake stands inside gaps of an eighth of the range, and
-/// whenever the motors rest.
+/// A camera without noise, as emulated: the snake stands inside gaps, and whenever motors rest.
 #[test]
 fn gaps_without_noise_are_not_repeats() {
     let (mut play, mut at) = ([-30.0_f64, -15.0], 0.0);

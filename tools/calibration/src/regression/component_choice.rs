@@ -2,8 +2,7 @@
 //! that it has not seen, because the controller inverts it.
 //!
 //! Contiguous blocks are left out one at a time, because neighbouring rows are nearly the same. The
-//! likelihood, and so the BIC, would reward components that describe where the motors happened to
-//! be.
+//! likelihood, and so the BIC, would reward components that describe where the motors were.
 
 use std::ops::Range;
 
@@ -17,8 +16,7 @@ use crate::parallel;
 use crate::progress::{Progress, Silent};
 use crate::series::blocks;
 
-/// Blocks left out one at a time, maximum number of rows, evenly spaced, and random starts of every
-/// tested mixture.
+/// Blocks left out one at a time, rows (evenly spaced) at most, and starts of every mixture.
 const BLOCKS: usize = 5;
 const ROWS: usize = 3000;
 const RESTARTS: usize = 4;
@@ -27,8 +25,7 @@ const RESTARTS: usize = 4;
 const MIN_GAIN: f64 = 0.02;
 
 /// For every number of components, the mean squared error of the inverse over the rows, in outputs
-/// by the gain of a straight line, each row left out with its block. Infinite if a mixture could
-/// not be fitted.
+/// by the gain of a straight line, each row left out with its block. Infinite without a mixture.
 fn left_out_errors(
     data: &RegressionData,
     components: &[usize],
@@ -57,8 +54,7 @@ fn left_out_errors(
     squares.chunks(many).map(mean).collect()
 }
 
-/// The smallest of some numbers of components whose error is near the minimum; as many as the rows
-/// support if those are fewer.
+/// The smallest number of components whose error is near the minimum, as far as rows suffice.
 pub(crate) fn choose_components(
     data: &RegressionData,
     tried: &[usize],

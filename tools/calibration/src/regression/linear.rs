@@ -18,8 +18,7 @@ pub struct LinearFit {
     pub gain: Vec<Vec<f64>>,
     /// Offset, m values.
     pub offset: Vec<f64>,
-    /// Covariance of the residuals, m rows of m: their products divided by the rows beyond the
-    /// parameters of an output.
+    /// Covariance of the residuals, m rows of m, over the rows beyond the parameters.
     pub covariance: Vec<Vec<f64>>,
 }
 
@@ -173,8 +172,7 @@ mod tests {
         assert!(covariance.cholesky().is_some());
     }
 
-    /// The textbook line through (1, 2), (2, 3), (3, 5), (4, 4): slope 0.8, offset 1.5, squared
-    /// residuals 1.8.
+    /// Through (1, 2), (2, 3), (3, 5), (4, 4): slope 0.8, offset 1.5, squared residuals 1.8.
     #[test]
     fn a_line_through_four_points_is_the_textbooks() {
         let x = DataTable::from_rows(1, [1.0, 2.0, 3.0, 4.0].map(|x| [x]));

@@ -62,8 +62,7 @@ impl RegressionData {
         Self { inputs, outputs, moving: moving.filter(|moving| !together(moving)) }
     }
 
-    /// Data for a mixture of all motors, in any motion: of virtual counts, on which the outputs
-    /// depend nearly along a plane.
+    /// A mixture of all motors, for virtual counts: outputs depend nearly along a plane.
     pub fn joint(inputs: DataTable, outputs: DataTable) -> Self {
         Self { inputs, outputs, moving: None }
     }
@@ -268,8 +267,7 @@ impl<'a> Parts<'a> {
 }
 
 /// Adds a part of the covariance of the whole mixture to every covariance: a component of average
-/// weight gets `part` of it, a light one more. It takes the overall slope if its rows show no slope
-/// of their own.
+/// weight gets `part` of it, a light one more, and without an own slope takes the overall one.
 fn smoothed(mixture: &Mixture, part: f64) -> Mixture {
     let each = |mixture: &MixtureParameters| {
         let MixtureParameters { weights, means, covariances } = mixture;

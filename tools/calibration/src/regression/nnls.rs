@@ -1,23 +1,20 @@
 //! Least squares with non-negative unknowns, from the normal equations.
 //!
-//! Source: C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", 1974, chapter 23: a set
-//! of free unknowns grows by the one with the largest gradient; unknowns that would become negative
-//! leave it.
+//! Source: C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", 1974, chapter 23: free
+//! unknowns grow by the one with the largest gradient, and leave where they would become negative.
 
 use nalgebra::{DMatrix, DVector};
 
 /// A gradient below this part of the largest right-hand side is rounding.
 const ROUNDING: f64 = 1e-11;
 
-/// The `x >= 0` that minimises `x' gram x / 2 - rhs' x`, for a positive definite `gram`. At the
-/// solution the gradient `rhs - gram x` is 0 where `x > 0` and not positive elsewhere (Karush,
-/// Kuhn, Tucker).
+/// The `x >= 0` that minimises `x' gram x / 2 - rhs' x`, for a positive definite `gram`: there `rhs
+/// - gram x` is 0 where `x > 0` and not positive elsewhere (Karush, Kuhn, Tucker).
 pub fn nnls(gram: &DMatrix<f64>, rhs: &DVector<f64>) -> DVector<f64> {
     let size = rhs.len();
     let (x, free, barred) = (DVector::zeros(size), vec![false; size], vec![false; size]);
     let mut search = ActiveSet { gram, rhs, x, free, barred };
-    // Each pass lowers the objective or bars an unknown; at most three passes per unknown are
-    // usual.
+    // Each pass lowers the objective or bars an unknown; three passes per unknown are usual.
     for _ in 0..10 * size {
         let Some(entering) = search.entering() else { break };
         search.enter(entering);
@@ -30,8 +27,7 @@ struct ActiveSet<'a> {
     rhs: &'a DVector<f64>,
     x: DVector<f64>,
     free: Vec<bool>,
-    /// Unknowns that were removed directly after they had entered, by rounding: they wait for
-    /// another change.
+    /// Unknowns removed directly after they entered, by rounding: they wait for another change.
     barred: Vec<bool>,
 }
 

@@ -1,8 +1,7 @@
 //! Ridge regression whose penalty is chosen by leaving out contiguous blocks.
 //!
-//! Features are standardised first, so that one penalty suits all of them; the first feature is the
-//! constant 1 and is not penalised. (A. Hoerl and R. Kennard, "Ridge regression", Technometrics,
-//! 1970.)
+//! Features are standardised, so that one penalty suits all; the first is the constant 1, without
+//! penalty. (A. Hoerl and R. Kennard, "Ridge regression", Technometrics, 1970.)
 
 use nalgebra::{DMatrix, DVector};
 

@@ -76,8 +76,7 @@ impl Comparison {
         })
     }
 
-    /// The best model on the rows known to all of them, and the certainty; `None` for one model,
-    /// and without such rows.
+    /// The best model on the rows known to all, and the certainty; `None` without a second one.
     fn verdict(&self) -> Option<String> {
         let known =
             self.models.iter().filter_map(|model| Some((model.rms_length_of_common?, model)));
@@ -172,8 +171,7 @@ impl ComparedModel {
     }
 }
 
-/// For every row: whether the memory of the model is unknown there, and whether it is outside the
-/// region of its calibration.
+/// For every row: whether the memory is unknown there, and whether it is outside the hull.
 fn doubts(model: &Model, recording: &Recording) -> Vec<[bool; 2]> {
     let mut doubts = Vec::with_capacity(recording.rows().len());
     along(model, recording, |row, memory| {

@@ -30,8 +30,7 @@ pub struct DriftReport {
 }
 
 impl DriftReport {
-    /// The drift from a model, with the name of its file, and a recording of the same motors and
-    /// outputs.
+    /// The drift from a model, with the name of its file; motors and outputs must be the same.
     pub fn new(name: &str, model: &Model, recording: &Recording) -> Result<Self, DriftError> {
         let drift = DriftEstimate::new(model, recording)?;
         Ok(Self {

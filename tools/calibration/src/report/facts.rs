@@ -146,8 +146,7 @@ fn list(lines: impl ExactSizeIterator<Item = String>) -> String {
     }
 }
 
-/// Relative distance to the chosen family's score within which another family would be as good on
-/// another recording.
+/// Relative distance to the chosen score within which another recording may choose otherwise.
 const NEAR: f64 = 0.1;
 
 pub(super) const NONE: &str = "–";
@@ -155,9 +154,7 @@ pub(super) const NONE: &str = "–";
 pub(super) fn write_choice(page: &mut Document, data: &CalibrationReport) {
     let scores = &data.choice;
     let unit = data.unit();
-    let Some(explanation) = explanation(scores, unit) else {
-        return;
-    };
+    let Some(explanation) = explanation(scores, unit) else { return };
     page.paragraph(explanation);
     let [held_out, tracking, score] =
         ["held out", "tracking", "score"].map(|name| format!("{name} ({unit})"));

@@ -1,5 +1,4 @@
-//! Figures of the models: counts against angle, and mixtures over the loop; numbers and names in the
-//! form of the report.
+//! Figures of the models: counts against angle, mixtures over the loop; names and numbers.
 
 use i2ris::model::file::{Mixture, MixtureParameters};
 use i2ris::units::MotorVec;

@@ -12,8 +12,7 @@ use crate::quality::residual_pattern::Unexplained;
 use crate::quality::{NoiseFloor, Spike};
 use crate::recording::ReadReport;
 
-/// The family that others are compared with, and the memoryless mixture, the reference for models
-/// with memory.
+/// The family that others are compared with, and the memoryless mixture for those with memory.
 pub(super) const BASELINE: &str = "linear";
 const MEMORYLESS: &str = "gmr";
 
@@ -38,8 +37,7 @@ pub struct CalibrationReport {
     pub(super) families: Vec<FamilyResult>,
     /// Families that could not be fitted, and why.
     pub(super) failures: Vec<(String, String)>,
-    /// Whether the family was chosen by its error on the held-out rows: that error is then too
-    /// optimistic.
+    /// Whether the family was chosen by its held-out error, which is then too optimistic.
     pub(super) chosen_by_held_out: bool,
     /// The scores of the choice; empty if a family was requested.
     pub(super) choice: Vec<ChoiceScore>,
@@ -95,8 +93,7 @@ pub(super) struct ChoiceScore {
     /// RMS length of the tracking error of its inverse on the other families, and the name of the
     /// family with the largest error; `None` if there is no other credible one.
     pub tracking: Option<(f64, String)>,
-    /// Logarithm of its error relative to the chosen family: the mean over the blocks, and its
-    /// standard error.
+    /// Logarithm of its error relative to the chosen family over blocks: mean and standard error.
     pub beside: (f64, f64),
     pub total: f64,
     /// Relative to that of `linear`.
@@ -234,8 +231,7 @@ impl Track {
     }
 }
 
-/// Predictions of one output on a sweep back and forth: counts along the output, the output, and
-/// the straight line.
+/// A sweep back and forth: counts along the output, prediction, and the straight line.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Branches {
     pub rising: Vec<[f64; 3]>,

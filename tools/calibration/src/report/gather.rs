@@ -95,8 +95,7 @@ fn recording_facts(
 
 fn output_facts(recording: &Recording, outcome: &FitOutcome) -> Vec<OutputFacts> {
     let report = &outcome.report;
-    // Recordings that determine no straight line were refused before any fit; otherwise it is
-    // level.
+    // Where no straight line is determined, the fit has been refused; otherwise it is level.
     let training = || report.training.iter().copied();
     let line = fit_linear(&inputs(recording, training()), &outputs(recording, training()));
     let straight = |index: usize| {
@@ -237,8 +236,7 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
     recording.rows().iter().map(|row| states.get(row.path_index).copied().unwrap_or(now)).collect()
 }
 
-/// Positions of the rising half, and of the falling half, and time between two of them, which
-/// affects creeping snakes, s.
+/// Positions of half a sweep, and time between two of them, which affects creeping snakes, s.
 const POSITIONS: usize = 160;
 const POSITION_S: f64 = 0.05;
 

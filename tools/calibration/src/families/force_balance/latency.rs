@@ -19,8 +19,7 @@ pub struct RemainingLatency {
     pub deviation_s: f64,
 }
 
-/// Latency of the samples at a minimum, by the slopes of all residuals there; `None` where there
-/// is no model, or no time.
+/// Latency at a minimum with the slopes of all residuals; `None` without a model, or time.
 pub(super) fn remaining_latency<const D: usize>(
     objective: &Objective<'_, D>,
     at: &DVector<f64>,

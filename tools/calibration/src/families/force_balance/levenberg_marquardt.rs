@@ -1,14 +1,12 @@
 //! Least squares by Levenberg and Marquardt (K. Levenberg 1944; D. Marquardt 1963), with
 //! derivatives, and with the damping of H. B. Nielsen 1999.
 //!
-//! The same start gives the same bits. Starts are independent, so that cores are used by searching
-//! from several at once.
+//! The same start gives the same bits. Cores are used by searching from several starts at once.
 
 use nalgebra::{DMatrix, DVector};
 
-/// The longest step of one parameter: most are logarithms, and a larger step leaves the region
-/// in which the derivatives are valid. Each is cut by itself: one that the data do not determine
-/// must not hold up the others.
+/// The longest step of one parameter: most are logarithms, and derivatives are valid nearby. Each
+/// is cut by itself: one that the data do not determine must not hold up the others.
 const LONGEST: f64 = 1.5;
 
 const FIRST_DAMPING: f64 = 1e-2;

@@ -16,13 +16,11 @@ use super::levenberg_marquardt::squares_of;
 const DECAY: f64 = 0.5;
 const FIRST: f64 = 0.5;
 
-/// Penalty of straight terms, none but for what is not determined at all, and of a mixed term that
-/// the samples do not show.
+/// Penalty of straight terms, which holds the undetermined alone, and of mixed terms not shown.
 const LEAST: f64 = 1e-6;
 const MOST: f64 = 1e4;
 
-/// Relative ridge on the asymmetries: where an output is the bend of one motor, an even term may be
-/// of either.
+/// Relative ridge on asymmetries: an even term may be of a motor or of an output along it.
 const AMBIGUOUS: f64 = 1e-3;
 
 /// Features of samples, and the rules that hold their coefficients.
@@ -31,8 +29,7 @@ pub(super) struct ReadOut {
     pub degree: usize,
     /// Noise of a sample over half the range of the outputs.
     pub ridge: f64,
-    /// Whether the samples show what both bends do together. Otherwise it is what a snake does that
-    /// is alike in every direction.
+    /// Whether samples show what both bends do together; else a snake is alike in every direction.
     pub plane: bool,
     /// The square of what the second bend does to the outputs, over that of the first.
     pub ratio: f64,
@@ -46,8 +43,7 @@ pub(super) struct Solved {
     pub coefficients: DMatrix<f64>,
     /// Predicted less measured.
     pub errors: DMatrix<f64>,
-    /// Every coefficient relative to what is expected, in units of the outputs: the rows that the
-    /// ridge adds to the errors.
+    /// Coefficients relative to the expected ones, in units of the outputs: rows of the ridge.
     pub shrinkage: DMatrix<f64>,
 }
 

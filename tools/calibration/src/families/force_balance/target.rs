@@ -9,8 +9,7 @@ use nalgebra::{DMatrix, DVector, SVector};
 use super::layout::{Layout, Terms};
 use crate::series::Series;
 
-/// Part of the range of every motor that has to be covered before samples count: before that, the
-/// memory is a guess.
+/// Part of the range that every motor covers before samples count: until then memory is a guess.
 const CONDITIONED: f64 = 0.25;
 
 /// A path and what was measured along it.
@@ -82,8 +81,7 @@ impl<const D: usize> Target<D> {
         Self { layout: self.layout.with(terms), ..self.clone() }
     }
 
-    /// Every so many-th sample, and a path of points about `spacing` units of travel apart, with
-    /// all its turning points.
+    /// Every `every`-th sample; a path of points about `spacing` units of travel apart, and turns.
     pub fn thinned(&self, every: usize, spacing: f64) -> Self {
         let mut samples: Vec<_> = self.samples.iter().copied().step_by(every.max(1)).collect();
         let spacing: [f64; D] = std::array::from_fn(|i| spacing / self.layout.travel_per_count(i));

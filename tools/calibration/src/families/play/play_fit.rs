@@ -196,9 +196,7 @@ fn weighted_median(thresholds: &[f64], weights: &[f64]) -> f64 {
 /// The least-squares rotation closest to two by two slopes, after a mirror if they need one.
 fn rotation(slopes: &[Vec<f64>]) -> Option<f64> {
     let [pitch, yaw] = slopes else { return None };
-    let ([a, b], [c, d]) = (pitch.as_slice(), yaw.as_slice()) else {
-        return None;
-    };
+    let ([a, b], [c, d]) = (pitch.as_slice(), yaw.as_slice()) else { return None };
     let mirror = (a * d - b * c).signum();
     Some((c - mirror * b).atan2(a + mirror * d).to_degrees())
 }

@@ -97,21 +97,18 @@ fn longest_travel(counts: &[f64]) -> f64 {
     longest
 }
 
-/// Degrees of the shape, and of the shape times lags, that replace the later mixture and
-/// residual.
+/// Degrees of the shape and of shape times lags that replace the later mixture and residual.
 const DEGREES: [(usize, usize); 2] = [(5, 0), (5, 1)];
 
 /// Blocks left out one at a time, and maximum number of samples of a choice.
 pub(super) const BLOCKS: usize = 5;
 pub(super) const ROWS: usize = 4000;
 
-/// Tops that are tried for all motors together, as parts of the range, and then shifts of the top
-/// for one motor at a time.
+/// Tried tops for all motors, as parts of the range; then shifts for one motor at a time.
 const TOPS: [f64; 6] = [0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 const SHIFTS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
 
-/// Numbers of plays above the threshold 0, and of planar plays, that are tried; the first one is
-/// the start.
+/// Tried numbers of plays above the threshold 0, and of planar plays; the first is the start.
 const COUNTS: [usize; 4] = [8, 7, 9, 10];
 const PLANAR: [usize; 4] = [6, 0, 4, 10];
 
@@ -215,8 +212,7 @@ impl ThresholdSearch<'_> {
     }
 }
 
-/// Mean square of the error on blocks that neither weights nor regression have seen, with the
-/// better degrees.
+/// Mean square of the error on blocks left out, with the better degrees.
 fn left_out_error(states: &PlayStates) -> Option<f64> {
     let blocks = blocks(states.rows(), BLOCKS);
     let errors = parallel::map(blocks.len(), |block| {

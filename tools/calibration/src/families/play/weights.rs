@@ -276,8 +276,7 @@ impl Polynomial {
         self.normal.solve(&self.values.tr_mul(outputs))
     }
 
-    /// Derivative of the polynomial with respect to the virtual count of a motor: row: sample,
-    /// column: output.
+    /// Derivative by the virtual count of a motor: row: sample, column: output.
     pub fn slope(
         &self,
         virtual_counts: &DMatrix<f64>,
