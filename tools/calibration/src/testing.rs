@@ -55,6 +55,15 @@ pub(crate) fn wandering(rows: usize) -> Recording {
     recording(rows, |time| (wander(time), straight(wander(time))))
 }
 
+/// A snake that bends less and less, with noise of 0.05 deg.
+pub(crate) fn bent(rows: usize) -> Recording {
+    let mut random = noise(1);
+    recording(rows, |time| {
+        let bend = |angle: f64| 12.0 * (angle / 12.0).tanh() + 0.05 * random();
+        (wander(time), straight(wander(time)).map(bend))
+    })
+}
+
 /// Noise of standard deviation 1, nearly Gaussian: the sum of twelve uniform numbers.
 pub(crate) fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut random = Pcg64::new(u128::from(seed), 1);

@@ -20,9 +20,7 @@ const GAP_SCALES: std::ops::RangeInclusive<f64> = 0.2..=3.0;
 /// A number with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Value {
-    /// The estimate.
     pub value: f64,
-    /// Standard deviation.
     pub deviation: f64,
 }
 
@@ -48,7 +46,6 @@ pub struct DriftEstimate {
 
 /// Why there is no estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum DriftError {
     #[error("{0} rows with a known memory are too few; record at least a minute of motion")]
     Rows(usize),

@@ -20,5 +20,6 @@
 mod estimate;
 mod refine;
 
-pub use estimate::{DriftError, DriftEstimate, Value};
-pub use refine::{RefineError, Refined, Verdict, refine};
+pub(crate) use estimate::{DriftError, DriftEstimate, Value};
+pub(crate) use refine::Verdict;
+pub use refine::{RefineError, Refined, refine};

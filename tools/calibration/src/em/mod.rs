@@ -15,16 +15,14 @@
 //! | file | contents |
 //! |---|---|
 //! | `pass` | standardised data and Gaussians; one pass: responsibilities, likelihood, moments |
-//! | `iteration` | iterations until convergence; the objective that never decreases |
-//! | `k_means` | k-means++ starts |
+//! | `iteration` | k-means++ starts; iterations until convergence, whose objective never decreases |
 //! | `restarts` | options and errors; all starts, and the best of them |
 
 mod iteration;
-mod k_means;
 mod pass;
 mod restarts;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use restarts::most_components;
-pub use restarts::{EmError, EmOptions, MixtureFit, fit_mixture};
+pub(crate) use restarts::{EmError, MixtureFit, most_components};
+pub use restarts::{EmOptions, fit_mixture};

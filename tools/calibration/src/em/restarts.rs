@@ -10,8 +10,7 @@ use i2ris::model::file::MixtureParameters;
 use nalgebra::SMatrix;
 use rand_pcg::Pcg64;
 
-use super::iteration::{EmRules, iterate};
-use super::k_means::random_start;
+use super::iteration::{EmRules, iterate, random_start};
 use super::pass::{Component, Samples, Scaling};
 use crate::parallel;
 use crate::progress::Progress;
@@ -19,7 +18,6 @@ use crate::table::DataTable;
 
 /// Why no mixture could be fitted.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum EmError {
     #[error("a mixture has 2 to 6 variables, and the data have {0}")]
     Variables(usize),

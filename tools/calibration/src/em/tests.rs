@@ -11,8 +11,7 @@ use nalgebra::{DMatrix, Matrix1, Matrix2, SMatrix, SVector, Vector1, Vector2};
 use proptest::prelude::*;
 use rand_pcg::Pcg64;
 
-use super::iteration::{EmResult, EmRules, iterate};
-use super::k_means::random_start;
+use super::iteration::{EmResult, EmRules, iterate, random_start};
 use super::pass::{Component, Samples};
 use super::restarts::{EmError, EmOptions, MixtureFit, fit_mixture, parameters};
 use crate::progress::Silent;

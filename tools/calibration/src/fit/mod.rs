@@ -34,5 +34,5 @@ mod tests;
 
 pub use all_families::fit;
 pub use options::{Choice, Components, Family, FitOptions};
-pub(crate) use outcome::FamilyOutcome;
-pub use outcome::{FitError, FitOutcome};
+pub use outcome::FitOutcome;
+pub(crate) use outcome::{FamilyOutcome, FitError};

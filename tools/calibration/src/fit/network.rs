@@ -217,16 +217,7 @@ mod tests {
     use i2ris::model::network::{Activation, Layer};
 
     use super::*;
-    use crate::testing::{assert_contains, degrees, noise, recording, straight, wander};
-
-    /// A snake that bends less and less, with noise of 0.05 deg.
-    fn bent(rows: usize) -> Recording {
-        let mut random = noise(1);
-        recording(rows, |time| {
-            let bend = |angle: f64| 12.0 * (angle / 12.0).tanh() + 0.05 * random();
-            (wander(time), straight(wander(time)).map(bend))
-        })
-    }
+    use crate::testing::{assert_contains, bent, degrees};
 
     /// A network that represents that snake exactly.
     fn exact() -> NetworkFile {

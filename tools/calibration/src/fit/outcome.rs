@@ -22,7 +22,6 @@ use crate::regression::linear::LinearError;
 
 /// Why there is no model. Errors are RMS lengths in the unit of the outputs.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum FitError {
     #[error(transparent)]
     Split(#[from] SplitError),

@@ -14,7 +14,8 @@ use crate::progress::Silent;
 use crate::quality::SpikeOptions;
 use crate::recording::Recording;
 use crate::testing::{
-    assert_contains, assert_near, few_starts, noise, one_motor, play, recording, straight, wander,
+    assert_contains, assert_near, bent, few_starts, noise, one_motor, play, recording, straight,
+    wander,
 };
 
 #[track_caller]
@@ -55,15 +56,6 @@ fn components(outcome: &FitOutcome) -> usize {
         FamilyParameters::Gmr { mixture } => mixture.components(),
         other => panic!("{other:?}"),
     }
-}
-
-/// A snake that bends less and less, with noise of 0.05 deg.
-fn bent(rows: usize) -> Recording {
-    let mut random = noise(1);
-    recording(rows, |time| {
-        let bend = |angle: f64| 12.0 * (angle / 12.0).tanh() + 0.05 * random();
-        (wander(time), straight(wander(time)).map(bend))
-    })
 }
 
 /// Both motors on one circle, the angles delayed by a phase, as in the recording of the robot.

@@ -164,13 +164,13 @@ fn plane_finding(series: &Series) -> Option<Finding> {
     if let Some(phases) = circles(series.path()) {
         return Some(Finding::Circulation { turns: turns(&phases) });
     }
-    let spans = [0, 1].map(|motor| {
+    let axes = [0, 1].map(|motor| {
         let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
-        (high - low).max(f64::MIN_POSITIVE)
+        (0.5 * (low + high), (high - low).max(f64::MIN_POSITIVE))
     });
     let (mut together, mut whole) = (0.0, 0.0);
     for pair in series.path().windows(2) {
-        let [a, b] = [0, 1].map(|motor| (pair[1][motor] - pair[0][motor]).abs() / spans[motor]);
+        let [a, b] = [0, 1].map(|motor| (pair[1][motor] - pair[0][motor]).abs() / axes[motor].1);
         let length = a.hypot(b);
         whole += length;
         if a.min(b) >= TOGETHER_PART * a.max(b) {
@@ -181,18 +181,14 @@ fn plane_finding(series: &Series) -> Option<Finding> {
     if together < MIN_TOGETHER * whole {
         return Some(Finding::OneAxisAtATime { percent });
     }
-    let on_lines = on_two_lines(series, spans)?;
+    let on_lines = on_two_lines(series, axes)?;
     (on_lines >= ON_BOTH).then_some(Finding::TwoLines { percent: 100.0 * on_lines })
 }
 
 /// The part of the positions away from the middle that lie on two straight lines through it; `None`
-/// if one of them has hardly any.
-fn on_two_lines(series: &Series, spans: [f64; 2]) -> Option<f64> {
-    let middle = [0, 1].map(|motor| {
-        let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
-        0.5 * (low + high)
-    });
-    let at = |counts: &MotorVec| [0, 1].map(|i| (counts[i] - middle[i]) / (0.5 * spans[i]));
+/// if one of them has hardly any. `axes` are middles and spans of the motors.
+fn on_two_lines(series: &Series, axes: [(f64, f64); 2]) -> Option<f64> {
+    let at = |counts: &MotorVec| [0, 1].map(|i| (counts[i] - axes[i].0) / (0.5 * axes[i].1));
     let mut left: Vec<[f64; 2]> = series.path().iter().map(at).collect();
     left.retain(|at| at[0].hypot(at[1]) > AWAY);
     let all = left.len() as f64;

@@ -216,7 +216,7 @@ mod tests {
     use i2ris::units::MotorVec;
 
     use super::*;
-    use crate::testing::{assert_near, noise as gaussian};
+    use crate::testing::{assert_near, noise as gaussian, play};
 
     /// Two motors on a Lissajous figure with growing and shrinking loops, sampled every 4 ms.
     fn path(seconds: f64) -> Vec<TimedCounts> {
@@ -237,9 +237,7 @@ mod tests {
         let mut random = gaussian(1);
         let mut seen = Vec::new();
         for (k, place) in path.iter().enumerate() {
-            for (played, counts) in played.iter_mut().zip(place.counts) {
-                *played = played.clamp(counts - 60.0, counts + 60.0);
-            }
+            play(&mut played, place.counts, 60.0);
             if k % 8 == 0 {
                 let mut kick = || 0.58 * noise * random();
                 let bend = 40.0 * (played[0] / 2500.0).sin();

@@ -7,14 +7,14 @@
 //! | `cycle` | the cycles of a repeating motion, also around a closed curve |
 //! | [`latency`] | latency of the outputs' stamps |
 //! | `latency_features` | hysteresis without time, for the latency; corrected stamps |
-//! | [`residual_pattern`] | model errors beyond noise, and their patterns |
+//! | `residual_pattern` | model errors beyond noise, and their patterns |
 
 pub(crate) mod cycle;
 mod identifiability;
 pub mod latency;
 mod latency_features;
 mod noise;
-pub mod residual_pattern;
+pub(crate) mod residual_pattern;
 
 use i2ris::model::file::OutputUnit;
 
@@ -25,7 +25,8 @@ use crate::table::DataTable;
 
 pub use identifiability::Finding;
 pub(crate) use identifiability::limits_of_path;
-pub use noise::{NoiseFloor, NoiseMethod, Spike, SpikeOptions};
+pub use noise::SpikeOptions;
+pub(crate) use noise::{NoiseFloor, Spike};
 
 use latency::Latency;
 use noise::{noise_floor, spikes};

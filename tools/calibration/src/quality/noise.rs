@@ -33,7 +33,6 @@ const DEVIATION_PER_MAD: f64 = 1.4826;
 pub struct NoiseFloor {
     /// Standard deviation, in the unit of the output.
     pub deviation: f64,
-    /// Method.
     pub method: NoiseMethod,
     /// Pairs or triples of rows that it is based on.
     pub samples: usize,
@@ -43,9 +42,7 @@ pub struct NoiseFloor {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseMethod {
-    /// Rows at the same counts.
     Repeats,
-    /// Second differences.
     Differences,
 }
 
@@ -106,9 +103,7 @@ impl Default for SpikeOptions {
 pub struct Spike {
     /// Index of the row in the recording.
     pub row: usize,
-    /// Line in the file.
     pub line: u64,
-    /// Index of the output.
     pub output: usize,
     /// Measured value, in the unit of the output.
     pub measured: f64,

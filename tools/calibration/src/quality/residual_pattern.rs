@@ -123,9 +123,7 @@ impl Pattern {
 pub struct Unexplained {
     /// RMS length of the errors, and of the noise of the measurement, unit of the outputs.
     pub error: f64,
-    /// See `error`.
     pub noise: f64,
-    /// The unit.
     pub unit: String,
     /// Patterns, with the share of the error beyond the noise: at most 1 together.
     pub patterns: Vec<(Pattern, f64)>,
@@ -305,10 +303,8 @@ impl<'a> Motion<'a> {
             let row = &self.recording.rows()[*index];
             let counts = &row.counts[..self.ranges.len()];
             let scale = |(counts, (middle, half)): (&f64, &(f64, f64))| (counts - middle) / half;
-            let speeds = match pattern {
-                Pattern::Speed => self.speeds(*index)?,
-                _ => Vec::new(),
-            };
+            let is_speed = pattern == Pattern::Speed;
+            let speeds = if is_speed { self.speeds(*index)? } else { Vec::new() };
             Some(pattern.features(&Place {
                 counts,
                 scaled: counts.iter().zip(&self.ranges).map(scale).collect(),
@@ -332,22 +328,18 @@ fn joined(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
 /// Sum of squared residuals of a regression on rows that it has not seen.
 fn left_out(features: &DMatrix<f64>, errors: &DMatrix<f64>) -> Option<f64> {
     let blocks = blocks(features.nrows(), BLOCKS);
-    let of = |fold: usize| -> Vec<usize> {
-        blocks.iter().skip(fold).step_by(FOLDS).cloned().flatten().collect()
+    let equations = |fold: usize| {
+        let rows: Vec<usize> = blocks.iter().skip(fold).step_by(FOLDS).cloned().flatten().collect();
+        NormalEquations::new(&features.select_rows(&rows), &errors.select_rows(&rows))
     };
-    let sums: Vec<NormalEquations> = (0..FOLDS)
-        .map(|fold| {
-            let rows = of(fold);
-            NormalEquations::new(&features.select_rows(&rows), &errors.select_rows(&rows))
-        })
-        .collect();
+    let sums: Vec<_> = (0..FOLDS).map(equations).collect();
     NormalEquations::left_out(&sums, PENALTY, NormalEquations::error)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quality::{NoiseFloor, NoiseMethod};
+    use crate::quality::noise::{NoiseFloor, NoiseMethod};
     use crate::testing::{assert_contains, noise, one_motor};
 
     /// Patterns in errors of a motor that moves to and fro, with noise of 0.05 deg.

@@ -25,6 +25,7 @@ pub use columns::{
     ColumnMap, OutputColumn, ParseColumnError, TimeColumn, Wanted, column_of, pitch_and_yaw,
 };
 pub use error::RecordingError;
-pub use rows::{DroppedRow, MIN_ROWS, PathPoint, ReadReport, Recording, RecordingWriter, Row};
+pub(crate) use rows::PathPoint;
+pub use rows::{MIN_ROWS, ReadReport, Recording, RecordingWriter, Row};
 pub use sheet::seconds;
 pub use table::{Rows, read_rows};

@@ -43,14 +43,11 @@ impl Row {
     }
 }
 
-/// A position on the path of the motors, with or without measured outputs.
+/// A position on the path of the motors, with or without measured outputs; fields as in [`Row`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathPoint {
-    /// Line in the file, counted from 1 with the header.
     pub line: u64,
-    /// Time stamp, s, of whatever clock the file has.
     pub time_s: Option<f64>,
-    /// Encoder counts; entries beyond the number of motors are 0.
     pub counts: MotorVec,
 }
 
@@ -189,7 +186,6 @@ pub struct ReadReport {
 /// A row that was left out.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct DroppedRow {
-    /// Line in the file.
     pub line: u64,
     /// The first column whose cell is empty.
     pub column: String,

@@ -50,7 +50,6 @@ pub struct CalibrationReport {
     /// The error of the chosen model beyond the noise.
     pub(super) unexplained: Option<Unexplained>,
     pub(super) settings: Vec<(String, String)>,
-    /// The program that fitted the models, with its version.
     pub(super) software: String,
     #[serde(skip)]
     pub(super) track: Track,
@@ -69,7 +68,6 @@ pub(super) struct RecordingFacts {
     pub held_out: usize,
     /// Description of the held-out rows: `the last of 3.97 cycles`.
     pub held_out_rows: String,
-    /// Flagged rows among the held-out rows.
     pub held_out_flagged: usize,
 }
 
@@ -128,7 +126,6 @@ pub(super) struct FamilyResult {
     pub metrics: Vec<OutputMetrics>,
     pub training: Option<Errors>,
     pub held_out: Option<Errors>,
-    /// Description of the robot by its parameters, in lines.
     pub reading: Option<String>,
     #[serde(skip)]
     pub branches: Vec<Branches>,
@@ -139,9 +136,7 @@ pub(super) struct FamilyResult {
 /// Errors on a set of rows beyond those in the file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Errors {
-    /// Root mean square of the length of the error over all outputs.
     pub rms_length: f64,
-    /// 99th percentile of the error of every output.
     pub p99: Vec<f64>,
 }
 
@@ -184,7 +179,6 @@ impl CalibrationReport {
 pub(super) struct Straight {
     /// Slope per count of each motor.
     pub gain: MotorVec,
-    /// At counts of 0.
     pub offset: f64,
 }
 
@@ -217,7 +211,6 @@ pub(super) struct Track {
     /// Rows used for training, in rising order.
     pub training: Vec<usize>,
     pub held_out: Vec<Range<usize>>,
-    /// Rows whose poses the chosen model clips.
     pub clipped: Vec<usize>,
 }
 

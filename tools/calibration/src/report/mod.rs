@@ -13,15 +13,13 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `comparison` | models side by side on one recording |
-//! | `drift` | the drift of a robot from a calibration |
+//! | `comparison` | models side by side on one recording; the drift of a robot from a calibration |
 //! | `fit` | report of a fit |
 //! | `gather` | its content, from the fit |
 //! | `page`, `facts` | as a document |
 //! | `figures` | figures of the models; numbers and names in the form of the page |
 
 mod comparison;
-mod drift;
 mod facts;
 mod figures;
 mod fit;
@@ -30,6 +28,5 @@ mod page;
 #[cfg(test)]
 mod tests;
 
-pub use comparison::Comparison;
-pub use drift::DriftReport;
+pub use comparison::{Comparison, DriftReport};
 pub use fit::CalibrationReport;

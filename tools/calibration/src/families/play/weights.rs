@@ -14,7 +14,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::super::chain::{TracePoint, feature_matrix, trace_plays};
 use super::thresholds::Thresholds;
-use crate::regression::nnls::nnls;
+use crate::regression::linear::nnls;
 use crate::series::Series;
 
 /// Steps of a fit, and halvings of a step that does not lower the error.
