@@ -29,8 +29,7 @@ const REVERSAL: f64 = 1.0 / 64.0;
 /// Hand motion within the limits. Its `Display` is a sentence.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct HandLimits {
-    /// Time in which the motors cross the widest gap at the centre of the hull, from rest to rest,
-    /// s. 0 for models without memory.
+    /// Time to cross the widest gap at the centre of the hull, from rest to rest, s; 0 without one.
     pub reversal_s: f64,
     /// Maximum speed of a goal that is followed, in the unit of the outputs per second.
     pub speed: f64,
@@ -127,8 +126,7 @@ impl Motion {
         distance(&self.pose(model, SLOPE), &self.pose(model, 0.0)) / SLOPE
     }
 
-    /// Motion of the faster motor for a goal that reverses, beyond its motion for the same distance
-    /// before, as a share of the way.
+    /// Motion of the faster motor for a reversing goal, beyond that before, as a share of the way.
     fn gap(&self, model: &Model) -> f64 {
         let [here, ahead] = [0.0, REVERSAL].map(|share| self.pose(model, share));
         let goal = array::from_fn(|output| 2.0 * here[output] - ahead[output]);

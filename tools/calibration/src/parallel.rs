@@ -6,8 +6,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-/// The results of `job(0)` to `job(count - 1)`, in this order. The result does not depend on the
-/// number of threads.
+/// Results of `job(0)` to `job(count - 1)` in order, the same on any number of threads.
 pub fn map<T: Send>(count: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let results: Vec<Mutex<Option<T>>> = (0..count).map(|_| Mutex::new(None)).collect();
     run(count, &|index| {

@@ -7,8 +7,7 @@ use rand_pcg::Pcg64;
 use crate::em::EmOptions;
 use crate::recording::{ColumnMap, Recording, RecordingWriter, Row};
 
-/// A recording of pitch and yaw with two motors, 5 rows a second, after writing and reading. `row`
-/// returns counts and angles at a time.
+/// A recording of pitch and yaw with two motors, 5 rows a second, written and read.
 pub(crate) fn recording(rows: usize, row: impl FnMut(f64) -> ([f64; 2], [f64; 2])) -> Recording {
     recorded(rows, 2, row)
 }

@@ -235,7 +235,7 @@ pub(super) fn points(
 const HUBER: f64 = 1.5;
 const WEIGHTINGS: usize = 6;
 
-/// The median of the absolute value of a normal variable, in its deviations.
+/// Median size of a normal variable, in its deviations.
 const NORMAL_MEDIAN: f64 = 0.6745;
 
 /// Minimum share of independent rows: a rest that does not decay shows little of its end.
@@ -296,8 +296,7 @@ fn solve(problem: &Problem) -> Option<Solution> {
     solution.filter(|solution| solution.parameters.iter().all(|it| it.is_finite()))
 }
 
-/// Share of independent rows, from the autocorrelation of the output with the largest one; `rows`
-/// of an output follow one another.
+/// Share of independent rows, by the largest autocorrelation of an output of `rows` rows.
 fn independent(left: &DVector<f64>, rows: usize) -> f64 {
     let of_output = |rest: &[f64]| {
         let a = autocorrelation(rest).max(0.0);

@@ -1,8 +1,7 @@
 //! Whether it is time for a new calibration, and a new model from recordings in use.
 //!
-//! A calibration covers the whole range. A trial stays in the working range, where a camera has
-//! measured the snake as well. Both are fitted together: the model improves where it is used, and
-//! the rest stays as calibrated.
+//! A calibration covers the whole range, a trial the working range. Both are fitted together: the
+//! model improves where it is used, and the rest stays as calibrated.
 
 use std::fmt;
 

@@ -13,9 +13,8 @@
 //! to its covariance, and the objective never decreases, as it could if the covariances were only
 //! enlarged after the step.
 //!
-//! A component with too few rows for a shape **starves**: it would describe the prior. It is
-//! restarted as one half of the component with the most rows, at most as often as there are
-//! components, and is then removed.
+//! A component with too few rows for a shape **starves**: it would describe the prior. It restarts
+//! as half of that with the most rows, as often as there are components, and is then removed.
 
 use nalgebra::{SMatrix, SVector};
 use rand::RngExt;
@@ -133,9 +132,9 @@ impl<const N: usize> EmResult<N> {
 /// Rounds of k-means. It only has to reach the right neighbourhood; the iterations do the rest.
 const ROUNDS: usize = 10;
 
-/// A random start with `components` Gaussians, or as many as there are distinct rows: k-means++ seeds
-/// (D. Arthur, S. Vassilvitskii, "k-means++: the advantages of careful seeding", 2007), a few rounds
-/// of k-means, one Gaussian per cluster.
+/// A random start with `components` Gaussians, or as many as distinct rows: k-means++ seeds (D.
+/// Arthur, S. Vassilvitskii, "k-means++: the advantages of careful seeding", 2007), k-means, one
+/// Gaussian per cluster.
 pub(super) fn random_start<const N: usize>(
     samples: &Samples<N>,
     components: usize,
@@ -159,8 +158,7 @@ struct Clusters<const N: usize> {
 }
 
 impl<const N: usize> Clusters<N> {
-    /// Draws each next centre among the points, with a probability proportional to the squared
-    /// distance from the nearest centre so far.
+    /// Draws each next centre with a probability by the square distance from the nearest so far.
     fn seed(points: &[SVector<f64, N>], components: usize, random: &mut Pcg64) -> Self {
         let mut squares = vec![f64::INFINITY; points.len()];
         let mut centres = Vec::with_capacity(components);
@@ -197,8 +195,7 @@ impl<const N: usize> Clusters<N> {
         changed
     }
 
-    /// Weight, mean and covariance of every cluster. A cluster too small for its own shape takes
-    /// the mean shape of all clusters.
+    /// One Gaussian per cluster. One too small for its own shape takes the mean shape of all.
     fn gaussians(
         &self,
         points: &[SVector<f64, N>],

@@ -128,8 +128,7 @@ impl<const N: usize> Prepared<N> {
 /// Running sums per moment, which the processor adds side by side; their order is fixed.
 const LANES: usize = 4;
 
-/// Differences of log-densities below this contribute less than one rounding error to a sum of 1;
-/// their exponential is not computed.
+/// Below this difference of log-densities, the exponential is less than a rounding error of 1.
 const NEGLIGIBLE: f64 = -40.0;
 
 type Lanes = [f64; LANES];

@@ -1,9 +1,8 @@
 //! All starts of a mixture on all cores, and the best of them.
 //!
 //! Every start runs until it converges: a few iterations do not show which start ends best, least
-//! of all on rows with long rests of the motors. Every start has its own stream of random numbers
-//! and is computed by one thread, and starts are compared in a fixed order: the result does not
-//! depend on the number of threads.
+//! of all on rows with long rests of the motors. Every start has its own random numbers and one
+//! thread, and starts are compared in a fixed order: the number of threads does not matter.
 
 use i2ris::model::MAX_COMPONENTS;
 use i2ris::model::file::MixtureParameters;
@@ -76,8 +75,7 @@ pub struct EmOptions {
     pub tolerance: f64,
     /// Maximum number of iterations from a start.
     pub max_iterations: usize,
-    /// Part of each variable's variance that is added to the covariance of a component of average
-    /// weight. It keeps covariances positive definite.
+    /// Part of each variance that is added to an average component: keeps it positive definite.
     pub regularisation: f64,
 }
 

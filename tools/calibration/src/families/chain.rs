@@ -28,10 +28,8 @@ use crate::table::DataTable;
 /// Components that are tried behind an operator, which leaves them little to bend: often nothing.
 const TRIED: [usize; 7] = [1, 2, 3, 4, 6, 8, 10];
 
-/// Shape and lag degrees of the residuals that are tried.
+/// Tried shape and lag degrees of a residual, which must lower the error left out by this part.
 const DEGREES: [(usize, usize); 6] = [(5, 2), (5, 1), (5, 0), (3, 1), (3, 0), (1, 0)];
-
-/// A residual has to lower the error on blocks left out by this part.
 const LEAST_GAIN: f64 = 0.01;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -237,8 +235,8 @@ fn covers(series: &Series, first: usize) -> bool {
 }
 
 /// A row of residual features per sample: monomials of the scaled counts up to the first degree,
-/// then each of `lags` lags times the monomials up to the second degree. `row` returns the scaled
-/// counts and the lags of a sample.
+/// then each lag times the monomials up to the second. `row` returns the counts and lags of a
+/// sample.
 pub(crate) fn feature_matrix(
     motors: usize,
     (rows, lags): (usize, usize),

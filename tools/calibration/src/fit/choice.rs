@@ -55,8 +55,7 @@ pub struct Score {
     pub blocks: Vec<f64>,
     /// The same in parts of the trials that decide; none where the held-out rows decide alone.
     pub parts: Vec<f64>,
-    /// RMS length of the tracking error on the other families that are plants, rad (m), and the one
-    /// where it is worst; `None` without another plant.
+    /// RMS tracking error on the other plants, rad (m), and the worst one; `None` without another.
     pub tracking: Option<(f64, Family)>,
     /// The least of these errors, and where.
     pub nearest: Option<(f64, Family)>,
@@ -71,8 +70,7 @@ impl Score {
         self.held_out.hypot(self.tracking.map_or(0.0, |(error, _)| error))
     }
 
-    /// How many times that of another family the error of this one is, as a logarithm, over all
-    /// pieces: the mean and its standard error.
+    /// Logarithm of the error over that of another family, over all pieces: mean, standard error.
     pub fn beside(&self, other: &Self) -> (f64, f64) {
         let is_tried = !self.parts.is_empty() && !other.parts.is_empty();
         let logarithm = |score: &Self, piece: usize| {
@@ -142,8 +140,7 @@ pub(super) fn scores(models: &[(Family, &Model)], evidence: &Evidence<'_>) -> Ve
     decided(models.iter().enumerate().map(score).collect(), &trials)
 }
 
-/// The scores with the trials that decide: of families that are as good as the best on the rows
-/// held out, on plants outside this group.
+/// Scores with the trials that decide: of the families as good as the best, on other plants.
 fn decided(mut scores: Vec<Score>, trials: &[Vec<(usize, Candidate)>]) -> Vec<Score> {
     let good = as_good(&scores);
     for index in good.iter().copied() {

@@ -1,8 +1,7 @@
 //! Further starts of `force-balance`: shipped snakes, and an earlier calibration.
 //!
-//! The own starts run as without them. A further one is taken only if it explains the rows held out
-//! better, which neither search has seen, and surely so with the blocks that each has left out
-//! itself.
+//! The own starts run as without them. A further one is taken only if it explains the held-out rows
+//! better, which neither search has seen, and surely so with the blocks that each has left out.
 
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::model::hysteresis::force_balance::BalanceParameters;
@@ -15,11 +14,9 @@ use crate::families::force_balance::judge::{SURE, is_better};
 use crate::families::force_balance::search::{SHIPPED_STARTS, Start};
 use crate::recording::Recording;
 
-/// Maximum number of training rows for which shipped starts are tried. With more, a further start
-/// costs as much as half of the own ones together, and gains less.
+/// Shipped starts are tried for at most this many training rows, as each then costs as much as half
+/// of the own ones together, and where the model leaves more than this many times the noise.
 const MAX_SHIPPED_ROWS: usize = 4000;
-
-/// They are of use where the model leaves more than this many times the noise.
 const ABOVE_NOISE: f64 = 1.1;
 
 /// The balance of an earlier model. Fails if it cannot be a start: its family or its number of

@@ -97,8 +97,7 @@ fn find(
     spots.min_by(|a, b| a.slope.total_cmp(&b.slope))
 }
 
-/// The smallest singular value of a slope, and its direction in motor space; with fewer outputs
-/// than motors, among the directions that move anything.
+/// The smallest singular value of a slope, and its direction among those that move anything.
 fn flattest(slope: DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
     let svd = slope.svd(false, true);
     let directions = svd.v_t?;
@@ -144,9 +143,8 @@ impl<'a> Rows<'a> {
         self.inputs.width()
     }
 
-    /// Whether there are rows at a place, or up to two widths off in a direction, that agree with a
-    /// motion of the outputs by at most `slope` per count in that direction. At the edge of a slack
-    /// zone half of the rows around it are beyond it.
+    /// Whether rows at a place, or up to two widths off in a direction, agree with a motion by at
+    /// most `slope` per count in it. At the edge of a slack zone half of the rows are beyond it.
     fn show_at_most(&self, slope: f64, counts: &MotorVec, direction: &DVector<f64>) -> bool {
         (-2..=2).any(|steps| {
             let mut near = *counts;

@@ -17,16 +17,13 @@ use crate::quality::{Finding, limits_of_path};
 use crate::recording::Recording;
 use crate::series::Series;
 
-/// Maximum latency of a camera: one 30 Hz frame of exposure, one of transfer and one of processing.
-/// A larger delay is in the snake.
+/// Maximum latency of a camera: one 30 Hz frame each of exposure, transfer and processing.
 const LATEST_S: f64 = 0.1;
 
-/// Minimum latency: hysteresis outside all families looks like as much. On emulated snakes of eight
-/// physics without latency the estimate was up to 15 ms.
+/// Minimum latency: emulated snakes of eight physics without any looked up to 15 ms late.
 const MIN_LATENCY_S: f64 = 0.015;
 
-/// Tolerance of an estimate, in standard deviations, and its maximum: a camera latency is the same
-/// on every part of a recording.
+/// Tolerance of an estimate, in deviations; its maximum, as all parts of a recording agree.
 const DEVIATIONS: f64 = 2.0;
 const UNSURE_S: f64 = 0.01;
 
@@ -76,8 +73,7 @@ impl Recording {
         }
     }
 
-    /// The recording, corrected by the confirmed part of its latency, and this part, s. Fails for
-    /// stamps later than those of any camera.
+    /// The same as a result, which fails for stamps later than those of any camera.
     pub fn aligned(self) -> Result<(Self, Option<f64>), LateStamps> {
         let (recording, latency) = self.without_latency();
         Ok((recording, latency?))
@@ -99,8 +95,7 @@ impl Recording {
     }
 }
 
-/// The latency of a recording, near an estimate, and its standard deviation, s; `None` if the
-/// held-out rows are not explained better with it.
+/// Latency near an estimate, and its deviation, s; `None` if held-out rows do not confirm it.
 fn held_out_latency(recording: &Recording, near: f64, plane: bool) -> Option<(f64, f64)> {
     let (mut found, mut deviation_s) = (near, 0.0);
     let mut family: Option<FamilyParameters> = None;

@@ -11,9 +11,8 @@ use super::split::Split;
 use crate::recording::Recording;
 use crate::series::{Series, blocks};
 
-/// Predictions of a model at every row of a recording, in the units of the recording; entries
-/// beyond the number of outputs are 0. The code is that of the controller, and its memory follows
-/// the path of the motors from the first position.
+/// Predictions at every row, in the units of the recording, by the code of the controller; its
+/// memory follows the path from the first position. Entries beyond the outputs are 0.
 pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUTS]> {
     let mut all = Vec::with_capacity(recording.rows().len());
     along(model, recording, |row, memory| {
@@ -27,8 +26,7 @@ pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUT
     all
 }
 
-/// Calls `at` with every row of a recording and the model's memory, which follows the path of the
-/// motors from the first position.
+/// Calls `at` with every row and the memory, which follows the path from the first position.
 pub(crate) fn along(model: &Model, recording: &Recording, mut at: impl FnMut(usize, &Memory)) {
     let (mut memory, mut next) = (model.new_memory(), 0);
     for (index, row) in recording.rows().iter().enumerate() {
@@ -86,10 +84,8 @@ pub fn metrics(pairs: &[(f64, f64)]) -> Option<FitMetrics> {
     })
 }
 
-/// Minimum part of its range that every motor must cover before rows are judged.
+/// Part of its range that every motor covers before rows are judged; pieces of a single block.
 const MIN_COVERED: f64 = 0.5;
-
-/// Number of pieces of a single held-out block, for the spread.
 const PIECES: usize = 5;
 
 pub(super) struct Evidence<'a> {

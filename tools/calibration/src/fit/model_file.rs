@@ -148,8 +148,7 @@ impl FileContext<'_> {
         if 2 * inside.len() < all.len() { all } else { inside }
     }
 
-    /// Mean products of the errors, for the deviation of an estimate. Camera spikes do not count,
-    /// because they are rejected in use.
+    /// Mean products of the errors, without camera spikes, which are rejected in use.
     fn covariance(&self, predicted: &[[f64; MAX_OUTPUTS]]) -> Vec<Vec<f64>> {
         let mut rows = self.held_out_or_training();
         let flagged = |row: &usize| self.spikes.is_some_and(|quality| quality.is_flagged(*row));
@@ -190,8 +189,7 @@ impl FileContext<'_> {
         variance
     }
 
-    /// Metrics on the training rows and on the held-out rows, including flagged ones: the test rows
-    /// are not selected by how well they fit.
+    /// Metrics on training and held-out rows, also flagged ones: they are not selected by the fit.
     fn measure(&self, predicted: &[[f64; MAX_OUTPUTS]]) -> Vec<OutputMetrics> {
         let rows = self.recording.rows();
         let measure = |rows_used: &mut dyn Iterator<Item = usize>, output: usize| {
@@ -228,8 +226,7 @@ const MIN_CORRELATED_ROWS: f64 = 2.0;
 const LARGEST_LAG: usize = 200;
 const MIN_LENGTH: usize = 100;
 
-/// The slow component of the error on these rows; `None` if there is none, or the recording has no
-/// time stamps or more than two outputs.
+/// The slow component on these rows; `None` also without time, or for more than two outputs.
 pub(super) fn slow_error(
     model: &Model,
     recording: &Recording,

@@ -18,10 +18,8 @@ use crate::quality::residual_pattern::Unexplained;
 use crate::recording::Recording;
 use i2ris_report::statistics::min_max;
 
-/// Maximum error, relative to the stated deviation: 95 % of normal errors are within.
+/// Maximum error over the stated deviation, which holds 95 % of normal errors, and over the noise.
 const MAX_RATIO: f64 = 2.0;
-
-/// Maximum error on held-out rows, relative to the noise.
 const MAX_NOISES: f64 = 5.0;
 
 /// Evidence for an error larger than stated, unit of the outputs.
@@ -47,8 +45,7 @@ struct Noisy {
 }
 
 impl ModelMismatch {
-    /// Looks for evidence that the error in use will be above twice the stated deviation, or is
-    /// above five times the noise; `None` if there is none.
+    /// Evidence that the error will exceed twice the stated deviation, or five times the noise.
     pub fn find(outcome: &FitOutcome, recording: &Recording) -> Option<Self> {
         let unit = outcome.model.file().outputs.first()?.unit;
         let (rows, model) = (recording.rows().len() as f64, &*outcome.model);

@@ -26,10 +26,8 @@ use i2ris_report::statistics::largest_difference;
 const NETWORK_FORMAT: &str = "i2ris-network";
 const VERSION: u32 = 1;
 
-/// Minimum length of the recording, steps.
+/// Minimum steps of the recording, and maximum held-out error over that of a straight line.
 const MIN_STEPS: usize = 50;
-
-/// Maximum error on the held-out rows, relative to that of a straight line.
 const MAX_ERROR_RATIO: f64 = 1.05;
 
 /// A network as written by its converter.
@@ -92,8 +90,7 @@ fn travel(recording: &Recording) -> f64 {
     recording.path().windows(2).map(moved).sum()
 }
 
-/// Makes a model from a network: checked like in the controller, and measured. Fails if the network
-/// is refused, or the recording determines no hull.
+/// Makes a model of a network, checked and measured. Fails if it is refused, or without a hull.
 pub fn import(
     file: &NetworkFile,
     recording: &Recording,
@@ -137,8 +134,7 @@ pub fn import(
 const PARTS: usize = 10;
 const PER_TURN: usize = 200;
 
-/// The range of every motor after which the model forgets its past: two memories with opposite
-/// pasts agree within a standard deviation of the model.
+/// Range of every motor after which two memories with opposite pasts agree within a deviation.
 fn forgets(model: &Model) -> Vec<f64> {
     let centre = model.hull().centre();
     let reach = |motor: usize| {

@@ -100,8 +100,7 @@ impl FamilyFitter<'_> {
         self.context.model(fitted).map_err(|source| refused(family, source))
     }
 
-    /// Smooths a mixture until its model passes: with few rows, a regression folds. A mixture on
-    /// the counts must also not be flatter than the robot.
+    /// Smooths a mixture until its model passes, and without memory is not flatter than the robot.
     fn smooth(
         &self,
         family: Family,

@@ -163,7 +163,6 @@ impl Default for FitOptions {
 pub enum Components {
     /// Exactly this number.
     Exactly(usize),
-    /// From three to this number, or as many as the rows support: the smallest number whose inverse
-    /// comes near the smallest error on blocks left out.
+    /// From three to this number, as rows suffice: the least whose inverse has nearly least error.
     UpTo(usize),
 }

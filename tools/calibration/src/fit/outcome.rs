@@ -95,8 +95,8 @@ pub struct FamilyOutcome {
     pub mechanism: Option<Mechanism>,
     /// Additional note on the fit: remaining components, smoothing.
     pub note: Option<String>,
-    /// Mean square error on blocks of its training rows that its search left out, one fold after
-    /// the other; empty for families without folds.
+    /// Mean square error on training blocks that its search left out, fold by fold, if it has
+    /// folds.
     pub left_out: Vec<f64>,
     /// Duration, s; the only value that differs between runs.
     pub seconds: f64,

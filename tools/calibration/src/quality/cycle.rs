@@ -7,8 +7,7 @@ use i2ris_report::statistics::{median, min_max};
 
 use crate::recording::{Recording, Row};
 
-/// Minimum number of cycles, so that about one is left without the last. Slightly less than two,
-/// because a recording often stops just before it closes.
+/// Minimum number of cycles, so that one is left: a recording often stops before it closes.
 const MIN_CYCLES: f64 = 1.9;
 
 /// Minimum travel beyond the middle for a crossing, as a part of the range.
@@ -101,8 +100,7 @@ fn upward_crossings(counts: &[f64]) -> Vec<usize> {
     crossings
 }
 
-/// Minimum turns of a circulation, and minimum ratio of their net to their total: 1 for steady
-/// circling, about 0 for a motion to and fro.
+/// Minimum turns of a circulation, and their net over their total: about 0 to and fro.
 const MIN_TURNS: f64 = 0.75;
 const MIN_STEADINESS: f64 = 0.8;
 

@@ -10,8 +10,7 @@ use crate::series::Series;
 use i2ris::units::MotorVec;
 use i2ris_report::statistics::min_max;
 
-/// Minimum return of a motor after a turning point, as a part of its range: larger than noise and
-/// jitter. Minimum turning points for a visible loop.
+/// Minimum return after a turning point, beyond jitter, in ranges; minimum number of such points.
 const REVERSAL_PART: f64 = 0.02;
 const MIN_TURNING_POINTS: usize = 2;
 

@@ -3,8 +3,7 @@
 //! Plain cross-correlation of angle and counts is biased here: gaps and friction delay the angle at
 //! any speed, and that delay is not time. The features therefore include hysteresis without time,
 //! whose lag does not depend on the speed. The **multiple correlation** of these features, shifted
-//! in time, with the outputs is largest at the latency; there, the squared residuals are a
-//! parabola.
+//! in time, is largest at the latency; there, the squared residuals are a parabola.
 //!
 //! Hysteresis that the features do not represent is not white noise: it repeats at every reversal,
 //! and moves the peak. So the uncertainty is that of the jackknife over blocks of the recording:
@@ -35,8 +34,7 @@ const MAX_SAMPLES: usize = 5000;
 
 const BLOCKS: usize = 8;
 
-/// Penalty of the regression for features that are similar, relative to features of size 1, and on
-/// blocks left out, where polynomials diverge without it.
+/// Penalty for similar features of size 1, and on blocks left out, where polynomials diverge.
 const PENALTY: f64 = 1e-9;
 const LEFT_OUT_PENALTY: f64 = 1e-4;
 
@@ -62,8 +60,7 @@ pub struct Latency {
     pub deviation_s: f64,
     /// Part of the outputs' variance that the features explain at this shift.
     pub r2: f64,
-    /// Whether the shift also helps on unseen rows: left out block by block, they are explained
-    /// better at this shift than at none.
+    /// Whether rows left out block by block are explained better at this shift than at none.
     pub helps: bool,
 }
 
@@ -155,8 +152,7 @@ impl Search<'_> {
         (EARLIEST_S..=LATEST_S).contains(&best).then_some(best)
     }
 
-    /// Whether the other features cannot imitate a shift. With sines of one frequency, for example,
-    /// they can: there, latency looks like a wider gap.
+    /// Whether the features cannot imitate a shift, as those of sines of one frequency can.
     fn is_visible(&self, middle: f64, errors: [f64; 3]) -> Option<bool> {
         let sums = self.sums(middle)?;
         let coefficients = NormalEquations::total(&sums, None)?.solve(PENALTY)?;

@@ -1,6 +1,6 @@
-//! Functions of the path of the motors that explain the outputs of a snake with hysteresis, and do
-//! not depend on the speed: a polynomial of the counts, and the lags of play operators times
-//! polynomials, because hysteresis changes with the pose.
+//! Functions of the path that explain the outputs of a snake with hysteresis, whatever the speed: a
+//! polynomial of the counts, and lags of plays times polynomials, as hysteresis changes with the
+//! pose.
 //!
 //! There are plays for every motor, and vector plays, in which both motors share one gap: the path
 //! pulls a point on a leash. Without those, axes that slide together look up to 60 ms late.
@@ -180,15 +180,13 @@ impl Plays {
     }
 }
 
-/// Rows further apart are measured at rest: the path between them is unknown.
+/// Rows further apart are measured at rest, on an unknown path. No outputs are moved into a gap of
+/// this many times the usual distance.
 const SETTLED_S: f64 = 0.3;
-
-/// Positions this many times the usual distance apart: no outputs are moved into that gap.
 const GAP: f64 = 5.0;
 
 impl Recording {
-    /// Latency of the outputs' stamps against the counts; `None` without time stamps and if the
-    /// motion does not show it, see [`estimate_latency`].
+    /// Latency of the outputs' stamps; `None` without stamps, or see [`estimate_latency`].
     pub fn latency(&self) -> Option<Latency> {
         let path = self.timed_path()?;
         if usual_step(&path)? > SETTLED_S {
@@ -206,9 +204,8 @@ impl Recording {
         self.path().iter().map(timed).collect()
     }
 
-    /// The recording with all outputs `seconds` earlier, at the motors' counts at that time. Rows
-    /// that leave the recording or fall into a gap are left out; a recording without time stamps
-    /// stays as it is.
+    /// The recording with all outputs `seconds` earlier. Rows that leave it or fall into a gap are
+    /// left out; without time stamps it stays as it is.
     pub fn shifted(&self, seconds: f64) -> Self {
         let Some(timed) = self.timed_path() else { return self.clone() };
         let gap = GAP * usual_step(&timed).unwrap_or_default();

@@ -121,9 +121,8 @@ pub struct Spike {
 /// steps of the motors and the branches of hysteresis from being taken for spikes. A step that
 /// stays is never flagged: from the step on, it is its own neighbourhood.
 ///
-/// `residuals` are those of `linear`, one per row; `noise` is the
-/// standard deviation of the measurement, if known, so that slow motion with little noise does not
-/// make the filter too sensitive.
+/// `residuals` are those of `linear`, one per row; `noise` is the deviation of the measurement, if
+/// known, so that slow motion with little noise does not make the filter too sensitive.
 pub(crate) fn spikes(
     rows: &[Row],
     residuals: &[f64],

@@ -18,10 +18,8 @@ use crate::recording::Recording;
 use crate::regression::ridge::NormalEquations;
 use crate::series::blocks;
 
-/// Maximum ratio of errors to noise: then the remaining error is as large as the noise.
+/// Maximum ratio of errors to noise, of which as much is left then; minimum share of a pattern.
 const BEYOND: f64 = std::f64::consts::SQRT_2;
-
-/// Minimum share of the error beyond the noise that a named pattern explains.
 const NAMED: f64 = 0.15;
 
 /// Counts per turn of the laboratory's motors, whose encoders have 256 lines.

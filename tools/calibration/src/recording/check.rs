@@ -8,10 +8,9 @@ use super::error::{Problem, RecordingError};
 use super::rows::MIN_ROWS;
 use super::table::{ReadRow, Table};
 
-/// Plausible rates of rows, Hz; beyond them the stamps are hardly in seconds.
+/// Plausible rates of rows, Hz, and the least one of a table with more rows than this; otherwise
+/// the stamps are hardly in seconds.
 const RATES_HZ: (f64, f64) = (0.5, 10_000.0);
-
-/// Below this rate, Hz, a table with more rows than this is hardly in seconds.
 const LONG: (f64, usize) = (2.0, 5000);
 
 /// Minimum number of points of a trajectory whose rate is checked as well.
@@ -181,14 +180,11 @@ fn round(value: f64) -> f64 {
     (value * scale).round() / scale
 }
 
-/// Bits of counters. Round numbers are not included: such steps are commanded.
+/// Bits of counters, not round numbers: such steps are commanded; end of signed 32-bit ones.
 const BITS: std::ops::RangeInclusive<i32> = 10..=32;
-
-/// Range of a signed 32-bit counter; an unsigned one exceeds it.
 const BEYOND: f64 = 2_147_483_648.0;
 
-/// Criterion of a wrong reading: distance from the others in ranges (without the outer twentieths)
-/// and in counts, and maximum number of rows.
+/// Wrong readings: distance in ranges (without outer twentieths) and counts, and rows at most.
 const AWAY: (f64, f64, usize) = (2.0, 2000.0, 3);
 
 pub(super) struct Wrap {

@@ -45,8 +45,7 @@ impl Display for Place {
     }
 }
 
-/// A problem with its remedy. A `remedy` must be possible for the reader of the table: not every
-/// command has options for columns.
+/// A problem with a remedy that the reader has: not every command has options for columns.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Problem {
     #[error("cannot be read: {0}; give the path of a CSV file")]

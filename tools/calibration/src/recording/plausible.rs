@@ -15,10 +15,8 @@ const MIN_SHOWN: usize = 50;
 /// Mean squared step over twice the variance: 1 in random order, near 0 along a path, 2 end to end.
 const RANDOM: std::ops::Range<f64> = 0.7..1.3;
 
-/// All positions of a snake that is calibrated span more than this, mm.
+/// Positions and motors of a calibration span more than this.
 const MIN_SPAN_MM: f64 = 0.1;
-
-/// The motors of a calibration move more than this, counts.
 const MIN_SPAN_COUNTS: f64 = 5.0;
 
 /// A larger step is from one end of a scale of angles to the other, deg.
@@ -34,9 +32,8 @@ const FOLLOWED: f64 = 0.25;
 /// Rows on each side of a step whose medians have to differ by it.
 const AROUND: usize = 5;
 
-/// Number of successive equal rows that show that the camera repeats itself. If pairs of equal
-/// rows are more than a share of all others, its resolution is coarse: the motors must then have
-/// moved through a share of their range.
+/// Successive equal rows that show a camera repeating itself. If pairs of equal rows are more than
+/// a share of all others, its resolution is coarse: motors must then have moved more.
 const MIN_REPEATS: usize = 5;
 const COARSE: (f64, f64) = (0.002, 0.5);
 /// Motors that move less during repeats are at rest, share of their range.

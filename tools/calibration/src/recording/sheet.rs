@@ -76,8 +76,7 @@ impl Sheet {
     }
 }
 
-/// The text of a file, and whether its last line is complete. Zeros at the end are left by a file
-/// system whose write lost its power.
+/// The text, and whether its last line is complete. A write without power leaves zeros at the end.
 fn text<'a>(
     bytes: &'a [u8],
     place: &Place,
@@ -118,8 +117,7 @@ fn uncommented(line: &str) -> &str {
     line.trim().trim_start_matches(['#', '%']).trim()
 }
 
-/// The separator that makes most numbers of the first line with numbers, and the index of that
-/// line; if there are no numbers, that of the header.
+/// Separator that makes most numbers of the first such line, and its index; else by the header.
 fn separator(lines: &[&str]) -> (u8, usize) {
     let numbers = |line: &str, separator: u8| {
         let found = cells(line, separator);
@@ -212,8 +210,7 @@ pub(super) fn is_missing(cell: &str) -> bool {
     cell.is_empty() || MISSING.contains(&cell.to_lowercase().as_str())
 }
 
-/// Parses a number, with a minus sign of any kind, and with a decimal comma if commas do not
-/// separate; points then group thousands.
+/// Parses a number with any minus sign; with decimal commas, points group thousands.
 pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
     let is_grouped = decimal_comma && is_grouped(cell);
     cell.parse().ok().filter(|_| !is_grouped).or_else(|| {

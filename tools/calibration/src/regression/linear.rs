@@ -7,8 +7,7 @@ use crate::table::DataTable;
 /// With less independent motion than this part, the effects of two motors cannot be separated.
 const INSEPARABLE: f64 = 0.01;
 
-/// Variance added to the residual covariance, as a part of the variance of the output, so that data
-/// without any noise still give a covariance.
+/// Relative variance added to the residual covariance, so that it exists without any noise.
 const REGULARISATION: f64 = 1e-12;
 
 /// An affine model in the units of the data; `d` inputs, `m` outputs.
@@ -51,8 +50,7 @@ pub enum LinearError {
     Inseparable { percent: f64 },
 }
 
-/// Part of the motion of each of two inputs that is independent of the other, 0 to 1:
-/// `sqrt(1 - correlation^2)`. 1 for a single input.
+/// Independent part of the motion of two inputs: `sqrt(1 - correlation^2)`. 1 for one input.
 pub fn independence(inputs: &DataTable) -> f64 {
     if inputs.width() < 2 {
         return 1.0;

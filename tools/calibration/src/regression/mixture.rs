@@ -130,8 +130,7 @@ impl RegressionData {
         Ok(RegressionFit { mixture: self.levelled(fit.mixture), ..fit })
     }
 
-    /// A mixture of these rows with a part of the covariance of all rows in every component. With a
-    /// large part the regression is a straight line.
+    /// A mixture with a part of the covariance of all rows in every component: more is straighter.
     pub fn smoothed(&self, mixture: &Mixture, part: f64) -> Mixture {
         self.levelled(smoothed(mixture, part))
     }

@@ -8,10 +8,8 @@ use nalgebra::{DMatrix, DVector};
 use crate::parallel;
 use crate::series::blocks;
 
-/// Penalties that are tried, relative to the variance of a feature.
+/// Penalties that are tried, relative to the variance of a feature, by leaving out blocks.
 const PENALTIES: [f64; 8] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
-
-/// Blocks left out one at a time.
 const BLOCKS: usize = 10;
 
 /// Minimum deviation of a feature; a smaller one, except for the constant 1, gets no coefficient.

@@ -221,8 +221,7 @@ const HEIGHT: f64 = 165.0;
 const BEFORE: Stroke = Stroke::new(Color::PALE, 0.9);
 const AFTER: Stroke = Stroke::new(Color::BLUE, 0.9);
 
-/// The drift of a robot from a calibration. Its `Display` is the name of the model, and its
-/// numbers.
+/// The drift of a robot from a calibration. Its `Display` has name and numbers.
 #[derive(Debug, Serialize)]
 pub struct DriftReport {
     model: String,

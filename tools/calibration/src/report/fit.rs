@@ -156,8 +156,7 @@ impl CalibrationReport {
         self.families.iter().find(|family| family.name == name)
     }
 
-    /// Reference of the chosen model in the figures: the memoryless mixture if available, otherwise
-    /// the baseline; nothing if that is the chosen one.
+    /// Reference in the figures: the memoryless mixture, or else the baseline, unless chosen.
     pub(super) fn reference(&self) -> Option<&FamilyResult> {
         let named = |name: &str| self.family(name).filter(|family| !family.chosen);
         named(MEMORYLESS).or_else(|| named(BASELINE))

@@ -243,8 +243,7 @@ const POSITION_S: f64 = 0.05;
 /// Sweeps before the recorded one: they make the memory independent of the past.
 const SWEEPS_BEFORE: usize = 3;
 
-/// Halvings of the search for the end of a sweep, to a millionth of a count, and its largest size,
-/// counts: beyond what any motor can do.
+/// Halvings down to a millionth of a count from the largest sweep, beyond what motors can do.
 const HALVINGS: u32 = 60;
 const FURTHEST: f64 = 1e7;
 

@@ -35,8 +35,7 @@ pub(super) struct Minimum {
     pub sum_of_squares: f64,
 }
 
-/// Minimises from a start; `None` if there is no model there. `stepped` is called once for every
-/// iteration that the rule allows.
+/// Minimises from a start; `None` without a model there. `stepped` is called per iteration allowed.
 pub(super) fn minimise(
     squares: &dyn LeastSquares,
     start: DVector<f64>,

@@ -11,8 +11,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn};
 
 use super::levenberg_marquardt::squares_of;
 
-/// A term of degree n is expected to be this part of the one of degree n - 1, and the first after
-/// the straight ones half of it.
+/// A term of degree n is expected to be this part of that of n - 1; the first curved one, half.
 const DECAY: f64 = 0.5;
 const FIRST: f64 = 0.5;
 
@@ -110,8 +109,8 @@ impl ReadOut {
         };
         for degree in (2..=self.degree).step_by(2) {
             let first = degree * (degree + 1) / 2;
-            // Unknown are the terms of the motors, and those of the outputs; for every output there
-            // is one equation along each bend.
+            // The terms of motors and outputs are unknown; each output has one equation along each
+            // bend.
             let mut parts = DMatrix::zeros(2 * outputs, 2 + outputs);
             for output in 0..outputs {
                 let (along, size) = straight(output);

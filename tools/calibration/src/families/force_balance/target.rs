@@ -56,7 +56,7 @@ impl<const D: usize> Target<D> {
         self.samples.len()
     }
 
-    /// How long the path takes, s; 0 where nobody knows.
+    /// Duration of the path, s; 0 where it is unknown.
     pub fn time_s(&self) -> f64 {
         self.path.iter().map(|(_, time_s)| time_s).sum()
     }
@@ -126,8 +126,7 @@ impl<const D: usize> Target<D> {
         bends.iter().all(|bend| bend.is_finite()).then_some(bends)
     }
 
-    /// How fast the bend of every motor changes at every sample, 1/s: one matrix of one column per
-    /// motor; 0 where nobody knows the time.
+    /// Speed of the bend at every sample, 1/s: one column per motor; 0 where the time is unknown.
     pub fn speeds(&self, balance: &BalanceParameters) -> Option<[DMatrix<f64>; D]> {
         let operator = self.operator(balance)?;
         let mut state = operator.begin(&self.path.first()?.0);
@@ -190,8 +189,7 @@ impl<const D: usize> Target<D> {
     }
 }
 
-/// The most deviations from what is usual at which a search begins: parameters of other origin may
-/// be 0, whose logarithm is not finite.
+/// Farthest start of a search, in deviations: other parameters may be 0, without a logarithm.
 const FARTHEST: f64 = 6.0;
 
 impl Layout {

@@ -54,8 +54,7 @@ impl PlayFit {
     }
 }
 
-/// Fits plays and the chain after them. The same `options`, with their seed, give the same fit to
-/// the bit, on any number of cores.
+/// Fits plays and the chain after them, the same to the bit on any number of cores.
 pub fn fit_play(
     series: &Series,
     options: &ChainOptions,
@@ -134,8 +133,7 @@ pub struct PlayMotor {
 }
 
 impl PlayMechanism {
-    /// Derives the properties from plays, the virtual counts of all samples and their outputs.
-    /// Fails if the virtual counts do not span their space.
+    /// Derives the properties. Fails if the virtual counts of the samples do not span their space.
     pub fn new(
         plays: &PlayParameters,
         virtual_counts: &DataTable,

@@ -115,8 +115,7 @@ fn normalised(weights: DVector<f64>) -> DVector<f64> {
     weights
 }
 
-/// Fits weights with a polynomial, from the same weight for every play. `None` if the outputs
-/// cannot be regressed on the counts.
+/// Fits weights with a polynomial, from equal ones. `None` if counts explain no outputs.
 pub(super) fn fit_weights(states: &PlayStates) -> Option<Weights> {
     let sizes = states.plays.iter().map(|plays| plays.ncols());
     let even = sizes.map(|size| DVector::from_element(size, 1.0 / size as f64)).collect();
@@ -241,12 +240,10 @@ pub(super) fn motor_vectors(matrix: &DMatrix<f64>) -> Vec<MotorVec> {
 const DEGREE: usize = 5;
 const ROWS_PER_MONOMIAL: usize = 15;
 
-/// Added to the diagonal of the normal equations, as a part of its mean: on a recording of one
-/// axis, some monomials are the same.
+/// Relative ridge on the normal equations: of one axis, some monomials are the same.
 const REGULARISATION: f64 = 1e-10;
 
-/// A polynomial of the virtual counts: a smooth substitute for the regression after the plays. It
-/// has the monomials at every sample.
+/// A polynomial of the virtual counts, a smooth substitute for the regression after the plays.
 pub(super) struct Polynomial {
     exponents: Vec<Vec<i32>>,
     /// Row: sample, column: monomial.
