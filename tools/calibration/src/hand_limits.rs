@@ -112,7 +112,6 @@ impl Motion {
         Some(motion)
     }
 
-    /// Position after this share of the way from the place.
     fn at(&self, share: f64) -> MotorVec {
         array::from_fn(|motor| self.place[motor] + share * self.way[motor])
     }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 
-use crate::recording::Recording;
+use crate::recording::{Recording, Row};
 
 /// The path of the motors from the first position, and the samples along it.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,16 +30,12 @@ impl Series {
     /// The samples of some rows, in rising order, and the path up to the last of them.
     pub fn new(recording: &Recording, rows: &[usize]) -> Self {
         let rows = rows.iter().filter_map(|row| recording.rows().get(*row));
-        let samples: Vec<Sample> = rows.map(Sample::from).collect();
+        let sample = |row: &Row| Sample { path_index: row.path_index, outputs: row.outputs };
+        let samples: Vec<Sample> = rows.map(sample).collect();
         let end = samples.last().map_or(0, |sample| sample.path_index + 1);
         let (path, times_s) = recording.steps(0..end).unzip();
-        Self {
-            motors: recording.motors(),
-            outputs: recording.outputs().len(),
-            path,
-            times_s,
-            samples,
-        }
+        let (motors, outputs) = (recording.motors(), recording.outputs().len());
+        Self { motors, outputs, path, times_s, samples }
     }
 
     pub fn whole(recording: &Recording) -> Self {
@@ -68,10 +64,6 @@ impl Series {
         &self.samples
     }
 
-    pub fn counts(&self, sample: &Sample) -> MotorVec {
-        self.path[sample.path_index]
-    }
-
     /// The first path index at which every motor has covered a range, counts.
     pub(crate) fn covered_from(&self, ranges: &MotorVec) -> usize {
         let Some(first) = self.path.first() else { return 0 };
@@ -86,13 +78,6 @@ impl Series {
             all
         };
         self.path.iter().position(covers).unwrap_or(self.path.len())
-    }
-}
-
-impl From<&crate::recording::Row> for Sample {
-    fn from(row: &crate::recording::Row) -> Self {
-        let (path_index, outputs) = (row.path_index, row.outputs);
-        Self { path_index, outputs }
     }
 }
 

@@ -23,9 +23,7 @@ use i2ris_needs::needs;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-fn recording() -> (Recording, ReadReport) {
-    read("i2ris/output_w_angles.csv")
-}
+const RING: &str = "i2ris/output_w_angles.csv";
 
 fn read(name: &str) -> (Recording, ReadReport) {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
@@ -35,7 +33,7 @@ fn read(name: &str) -> (Recording, ReadReport) {
 #[needs("file: ../../../shared/data/i2ris")]
 #[test]
 fn the_file_is_read_as_it_is() {
-    let (recording, report) = recording();
+    let (recording, report) = read(RING);
     assert_eq!((report.rows, recording.rows().len()), (249, 244));
     assert_eq!(
         report.dropped.iter().map(|row| row.line).collect::<Vec<_>>(),
@@ -53,7 +51,7 @@ fn the_file_is_read_as_it_is() {
 #[needs("file: ../../../shared/data/i2ris")]
 #[test]
 fn a_mixture_fits_the_held_out_turn_better_than_linear() {
-    let (recording, _) = recording();
+    let (recording, _) = read(RING);
     let options = FitOptions {
         choice: Choice::One(Family::Gmr),
         em: EmOptions { restarts: 5, ..EmOptions::default() },
@@ -72,7 +70,7 @@ fn a_mixture_fits_the_held_out_turn_better_than_linear() {
 #[needs("file: ../../../shared/data/i2ris")]
 #[test]
 fn its_noise_and_its_limits_are_reported() {
-    let (recording, _) = recording();
+    let (recording, _) = read(RING);
     let options = FitOptions {
         em: EmOptions { restarts: 1, ..EmOptions::default() },
         ..FitOptions::default()
@@ -106,7 +104,7 @@ fn flat(recording: &Recording, components: usize) -> Option<FlatSpot> {
 #[needs("file: ../../../shared/data/i2ris")]
 #[test]
 fn no_number_of_components_is_flat_inside_the_ring() {
-    let (recording, _) = recording();
+    let (recording, _) = read(RING);
     for components in 1..=12 {
         assert_eq!(flat(&recording, components), None, "{components} components");
     }

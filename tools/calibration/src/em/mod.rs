@@ -15,7 +15,7 @@
 //! | file | contents |
 //! |---|---|
 //! | `pass` | standardised data and Gaussians; one pass: responsibilities, likelihood, moments |
-//! | `iteration` | k-means++ starts; iterations until convergence, whose objective never decreases |
+//! | `iteration` | k-means++ starts; iterations, whose objective never decreases |
 //! | `restarts` | options and errors; all starts, and the best of them |
 
 mod iteration;

@@ -226,7 +226,7 @@ fn trace<O: Operator<D>, const D: usize>(series: &Series, operator: &O) -> Vec<T
 /// Whether the samples without the first ones cover almost the same region.
 fn covers(series: &Series, first: usize) -> bool {
     let range = |samples: &[Sample], motor: usize| {
-        let counts = samples.iter().map(|sample| series.counts(sample)[motor]);
+        let counts = samples.iter().map(|sample| series.path()[sample.path_index][motor]);
         let (low, high) = min_max(counts);
         high - low
     };

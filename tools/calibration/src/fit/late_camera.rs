@@ -20,7 +20,7 @@ use crate::series::Series;
 /// Maximum latency of a camera: one 30 Hz frame each of exposure, transfer and processing.
 const LATEST_S: f64 = 0.1;
 
-/// Minimum latency: emulated snakes of eight physics without any looked up to 15 ms late.
+/// Minimum latency: hysteresis of eight emulated physics looked up to 15 ms late.
 const MIN_LATENCY_S: f64 = 0.015;
 
 /// Tolerance of an estimate, in deviations; its maximum, as all parts of a recording agree.

@@ -6,7 +6,6 @@
 //! | `split` | training and held-out rows |
 //! | `metrics` | errors of predictions; rows that the model does not reach, or that judge it |
 //! | `flatness` | models that are flat where the robot is not |
-//! | `model_mismatch` | evidence for a larger error than the model states |
 //! | `late_camera` | latency of a camera's stamps |
 //! | `model_file` | model files with their metrics, and the error that a camera can follow |
 //! | [`network`] | networks that were trained elsewhere |
@@ -14,7 +13,7 @@
 //! | `all_families` | the whole fit, and the choice |
 //! | `earlier` | an earlier calibration as one more start |
 //! | `choice` | scores of the families: errors held out, and tracking on other families |
-//! | `outcome` | models and the report of the fit, or why there is none |
+//! | `outcome` | models and the report of the fit, or why there is none; a larger error in use |
 
 mod all_families;
 pub(crate) mod choice;
@@ -23,7 +22,6 @@ pub mod flatness;
 mod late_camera;
 pub mod metrics;
 mod model_file;
-pub(crate) mod model_mismatch;
 pub mod network;
 mod one_family;
 mod options;
@@ -35,4 +33,4 @@ mod tests;
 pub use all_families::fit;
 pub use options::{Choice, Components, Family, FitOptions};
 pub use outcome::FitOutcome;
-pub(crate) use outcome::{FamilyOutcome, FitError};
+pub(crate) use outcome::{FamilyOutcome, FitError, ModelMismatch};

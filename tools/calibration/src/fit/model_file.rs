@@ -32,13 +32,6 @@ impl Fitted {
     }
 }
 
-impl From<&LinearFit> for Fitted {
-    fn from(fit: &LinearFit) -> Self {
-        let LinearFit { gain, offset, covariance } = fit.clone();
-        Self::plain(FamilyParameters::Linear { gain, offset, covariance })
-    }
-}
-
 /// Deviations for motion that a recording does not contain: for the plane between the axes as a
 /// part of the half range (covers nine of ten errors on three of four emulated snakes), and for
 /// small loops as a part of the error of a straight line (RMS of 44 snakes of 11 physics).
@@ -66,7 +59,6 @@ pub(super) struct FileContext<'a> {
     pub limits: &'a [Finding],
     pub training: &'a [usize],
     pub hull: &'a HullParameters,
-    /// The affine model of the same rows.
     pub straight: &'a LinearFit,
     pub robot_id: &'a str,
     pub recorded_at: Option<&'a str>,

@@ -51,7 +51,6 @@ pub(super) struct FamilyFitter<'a> {
     pub options: &'a FitOptions,
     /// Parameters of the same family from most of the same rows, whose choices are kept.
     pub known: Option<&'a FamilyParameters>,
-    /// Where the search of a force balance begins.
     pub start: Start<'a>,
     pub progress: &'a dyn Progress,
 }
@@ -75,7 +74,11 @@ impl FamilyFitter<'_> {
             return Err(FitError::NoHysteresis(reason));
         }
         match family {
-            Family::Linear => self.checked(family, &Fitted::from(self.straight)),
+            Family::Linear => {
+                let LinearFit { gain, offset, covariance } = self.straight.clone();
+                let linear = FamilyParameters::Linear { gain, offset, covariance };
+                self.checked(family, &Fitted::plain(linear))
+            }
             Family::Gmr => self.gmr(remarks),
             Family::GmrPlay => self.play(remarks),
             Family::ForceBalance => self.force_balance(remarks),
@@ -134,7 +137,6 @@ impl FamilyFitter<'_> {
         Err(refusal.unwrap_or(FitError::Mixture(EmError::NoStartSucceeded)))
     }
 
-    /// The components of the mixture of [`Self::known`].
     fn known_components(&self) -> Option<usize> {
         self.known?.mixture().map(Mixture::components)
     }

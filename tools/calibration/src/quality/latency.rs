@@ -67,8 +67,7 @@ pub struct Latency {
 /// Estimates the latency of `measured` from the path of `motors` motors, both in order of time.
 ///
 /// `None` if there is too little of either, nothing moves, the motion does not show it, parts of
-/// the recording contradict each other, or the best shift is at the end of the range: -100 to 400
-/// ms.
+/// the recording contradict each other, or the best shift is at an end: -100 or 400 ms.
 pub fn estimate_latency(
     path: &[TimedCounts],
     measured: &[TimedOutputs],

@@ -4,9 +4,8 @@ use i2ris::units::MAX_MOTORS;
 use i2ris_report::statistics::{median, min_max};
 
 use super::columns::{Column, Layout, TIME_UNITS};
-use super::error::{Problem, RecordingError};
 use super::rows::MIN_ROWS;
-use super::table::{ReadRow, Table};
+use super::table::{Problem, ReadRow, RecordingError, Table};
 
 /// Plausible rates of rows, Hz, and the least one of a table with more rows than this; otherwise
 /// the stamps are hardly in seconds.

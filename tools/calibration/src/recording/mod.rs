@@ -6,14 +6,12 @@
 //! | `rows` | a recording in memory, read from a table, and written row by row |
 //! | `columns` | the meaning of each column |
 //! | `sheet` | from bytes to cells: separators, comments, headers, truncated ends |
-//! | `table` | from cells to rows of numbers |
+//! | `table` | from cells to rows of numbers; errors: problem, place and remedy |
 //! | `check` | requirements on tables; counters that wrap, and single wrong counts |
 //! | `plausible` | rows that no motor and no sensor makes |
-//! | `error` | errors of a file: problem, place and remedy |
 
 mod check;
 mod columns;
-mod error;
 mod plausible;
 mod rows;
 mod sheet;
@@ -24,8 +22,7 @@ mod tests;
 pub use columns::{
     ColumnMap, OutputColumn, ParseColumnError, TimeColumn, Wanted, column_of, pitch_and_yaw,
 };
-pub use error::RecordingError;
 pub(crate) use rows::PathPoint;
 pub use rows::{MIN_ROWS, ReadReport, Recording, RecordingWriter, Row};
 pub use sheet::seconds;
-pub use table::{Rows, read_rows};
+pub use table::{RecordingError, Rows, read_rows};

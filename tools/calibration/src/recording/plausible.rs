@@ -6,8 +6,7 @@ use i2ris::units::MAX_MOTORS;
 use i2ris_report::statistics::{median, min_max, quantile_of_unsorted};
 use nalgebra::{Matrix3, Vector3};
 
-use super::error::{Problem, RecordingError};
-use super::table::{ReadRow, Table};
+use super::table::{Problem, ReadRow, RecordingError, Table};
 
 /// Fewer rows show no pattern.
 const MIN_SHOWN: usize = 50;
@@ -32,8 +31,8 @@ const FOLLOWED: f64 = 0.25;
 /// Rows on each side of a step whose medians have to differ by it.
 const AROUND: usize = 5;
 
-/// Successive equal rows that show a camera repeating itself. If pairs of equal rows are more than
-/// a share of all others, its resolution is coarse: motors must then have moved more.
+/// Successive equal rows that show a camera repeating itself. With a larger share of pairs of equal
+/// rows, its resolution is coarse: motors must then have moved by a share of their range.
 const MIN_REPEATS: usize = 5;
 const COARSE: (f64, f64) = (0.002, 0.5);
 /// Motors that move less during repeats are at rest, share of their range.

@@ -11,8 +11,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::columns::{Column, ColumnMap, Wanted, column_of};
-use super::error::{Problem, RecordingError};
-use super::table::{ReadRow, Table};
+use super::table::{Problem, ReadRow, RecordingError, Table};
 
 /// Minimum number of rows of a recording: fewer contain no motion.
 pub const MIN_ROWS: usize = 20;

@@ -7,7 +7,7 @@
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 
-use super::error::{Place, Problem, RecordingError};
+use super::table::{Place, Problem, RecordingError};
 
 /// Separators in order of preference. Any number of blanks is one separator.
 const SEPARATORS: [u8; 4] = [b'\t', b';', b',', b' '];
@@ -20,7 +20,6 @@ pub(super) struct Sheet {
     pub decimal_comma: bool,
     /// A line of units below the header.
     pub units: Option<(u64, StringRecord)>,
-    /// Skipped parts, and the reasons.
     pub notes: Vec<String>,
 }
 

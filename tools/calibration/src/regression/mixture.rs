@@ -91,7 +91,6 @@ impl RegressionData {
         Self { inputs: kept(&self.inputs), outputs: kept(&self.outputs), moving }
     }
 
-    /// Maximum number of components for the rows.
     pub fn most_components(&self) -> usize {
         let outputs = self.outputs.width();
         match &self.moving {

@@ -139,12 +139,10 @@ impl NormalEquations {
         Some(matrix.cholesky()?.solve(&self.cross))
     }
 
-    /// Mean over the rows of the squared error length with given coefficients.
     pub(crate) fn mean_error(&self, coefficients: &DMatrix<f64>) -> f64 {
         self.error(coefficients) / self.rows
     }
 
-    /// Sum of squared errors with given coefficients.
     pub(crate) fn error(&self, coefficients: &DMatrix<f64>) -> f64 {
         let explained = coefficients.dot(&(&self.features * coefficients))
             - 2.0 * coefficients.dot(&self.cross);

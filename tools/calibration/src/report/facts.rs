@@ -15,7 +15,6 @@ use crate::quality::NoiseFloor;
 const NAMED: usize = 12;
 
 impl CalibrationReport {
-    /// The facts that text and page have.
     pub(super) fn facts(&self) -> Vec<(&'static str, String)> {
         let recording = &self.recording;
         let read = &recording.read;

@@ -217,10 +217,6 @@ impl Track {
     pub fn held_out(&self) -> impl Iterator<Item = usize> + '_ {
         self.held_out.iter().cloned().flatten()
     }
-
-    pub fn holds_nothing_out(&self) -> bool {
-        self.held_out().next().is_none()
-    }
 }
 
 /// A sweep back and forth: counts along the output, prediction, and the straight line.

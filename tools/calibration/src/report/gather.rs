@@ -13,9 +13,8 @@ use super::fit::{
     Branches, CalibrationReport, Errors, FamilyResult, OutputFacts, RecordingFacts, Straight, Track,
 };
 use crate::fit::metrics::{clipped_rows, predictions};
-use crate::fit::model_mismatch::ModelMismatch;
 use crate::fit::split::Split;
-use crate::fit::{Choice, Components, FamilyOutcome, FitOptions, FitOutcome};
+use crate::fit::{Choice, Components, FamilyOutcome, FitOptions, FitOutcome, ModelMismatch};
 use crate::hand_limits::HandLimits;
 use crate::quality::{inputs, outputs};
 use crate::recording::{ReadReport, Recording};

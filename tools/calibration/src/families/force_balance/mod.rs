@@ -12,7 +12,7 @@
 //! | file | contents |
 //! |---|---|
 //! | `layout` | parameters as numbers of the order of 1, with what is usual |
-//! | `target` | the path, its samples, and the bend that parameters give there, also of another range |
+//! | `target` | path, samples, and the bend that parameters give there, also of another range |
 //! | `read_out` | the polynomial of the outputs |
 //! | `reach` | where the recording brought the snake |
 //! | `levenberg_marquardt` | the descent from one start |
