@@ -1,6 +1,7 @@
 //! Recordings and assertions for tests.
 
 use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
@@ -87,6 +88,12 @@ pub(crate) fn play<const N: usize>(played: &mut [f64; N], counts: [f64; N], half
     for (played, counts) in played.iter_mut().zip(counts) {
         *played = played.clamp(counts - half, counts + half);
     }
+}
+
+/// Parameters of plays of single motors.
+pub(crate) fn plays_of(thresholds: Vec<Vec<f64>>, weights: Vec<Vec<f64>>) -> PlayParameters {
+    let (thresholds_counts, planar_thresholds_counts) = (thresholds, Vec::new());
+    PlayParameters { thresholds_counts, weights, planar_thresholds_counts }
 }
 
 /// Options for tests that need only a few starts.

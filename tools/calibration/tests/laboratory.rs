@@ -71,10 +71,8 @@ fn a_mixture_fits_the_held_out_turn_better_than_linear() {
 #[test]
 fn its_noise_and_its_limits_are_reported() {
     let (recording, _) = read(RING);
-    let options = FitOptions {
-        em: EmOptions { restarts: 1, ..EmOptions::default() },
-        ..FitOptions::default()
-    };
+    let em = EmOptions { restarts: 1, ..EmOptions::default() };
+    let options = FitOptions { em, ..FitOptions::default() };
     let quality = fit(&recording, &options, &Silent).unwrap().report.quality;
     let noise: Vec<_> = quality.noise.iter().map(|noise| noise.unwrap().deviation).collect();
     assert!((noise[0] - 0.2).abs() < 0.05 && (noise[1] - 0.4).abs() < 0.05, "{noise:?}");

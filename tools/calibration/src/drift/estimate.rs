@@ -287,11 +287,8 @@ fn solve(problem: &Problem) -> Option<Solution> {
             normal[(index, index)] += 1.0 / (prior * prior);
         }
         let inverse = normal.cholesky()?;
-        solution = Some(Solution {
-            parameters: inverse.solve(&weighted.tr_mul(target)),
-            covariance: inverse.inverse(),
-            independent,
-        });
+        let parameters = inverse.solve(&weighted.tr_mul(target));
+        solution = Some(Solution { parameters, covariance: inverse.inverse(), independent });
     }
     solution.filter(|solution| solution.parameters.iter().all(|it| it.is_finite()))
 }

@@ -111,11 +111,8 @@ impl<const N: usize> Prepared<N> {
         let mut numbers = component.mean.iter().chain(whitening.iter());
         let finite = constant.is_finite() && numbers.all(|v| v.is_finite());
         let row = |row| std::array::from_fn(|column| whitening[(row, column)]);
-        finite.then(|| Self {
-            mean: component.mean.into(),
-            whitening: std::array::from_fn(row),
-            constant,
-        })
+        let (mean, whitening) = (component.mean.into(), std::array::from_fn(row));
+        finite.then_some(Self { mean, whitening, constant })
     }
 
     /// `trace(covariance^-1 shape)`.
@@ -195,10 +192,8 @@ pub(super) struct Pass<const N: usize> {
 
 impl<const N: usize> Pass<N> {
     pub fn new(components: usize) -> Self {
-        Self {
-            moments: vec![WeightedMoments::ZERO; components],
-            joint: vec![[0.0; BLOCK]; components],
-        }
+        let joint = vec![[0.0; BLOCK]; components];
+        Self { moments: vec![WeightedMoments::ZERO; components], joint }
     }
 
     /// Sums over all rows; returns the log-likelihood of the data, nats, in standardised variables.

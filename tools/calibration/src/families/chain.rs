@@ -145,11 +145,8 @@ impl<'a> ChainData<'a> {
     }
 
     fn rows(&self, outputs: &DMatrix<f64>) -> RegressionData {
-        let inputs = self.virtual_counts.iter().copied();
-        RegressionData::joint(
-            DataTable::from_rows(self.motors, inputs),
-            DataTable::from_matrix(outputs),
-        )
+        let inputs = DataTable::from_rows(self.motors, self.virtual_counts.iter().copied());
+        RegressionData::joint(inputs, DataTable::from_matrix(outputs))
     }
 
     /// The residual with the least error on blocks left out, and the mean square of that error.
@@ -279,14 +276,10 @@ mod tests {
     use super::*;
     use crate::progress::Silent;
     use crate::recording::Recording;
-    use crate::testing::{few_starts, one_motor, recording, straight, wander};
+    use crate::testing::{few_starts, one_motor, plays_of, recording, straight, wander};
 
     fn plays() -> PlayParameters {
-        PlayParameters {
-            thresholds_counts: vec![vec![0.0, 40.0]; 2],
-            weights: vec![vec![0.4, 0.6]; 2],
-            planar_thresholds_counts: Vec::new(),
-        }
+        plays_of(vec![vec![0.0, 40.0]; 2], vec![vec![0.4, 0.6]; 2])
     }
 
     /// Outputs that go with the virtual counts, and some of them with a lag.
@@ -305,12 +298,8 @@ mod tests {
     fn fit(recording: &Recording, residual: bool) -> ChainFit {
         let series = Series::whole(recording);
         let points = trace_plays(&series, &plays()).unwrap();
-        let options = ChainOptions {
-            components: Some(1),
-            residual,
-            em: few_starts(2),
-            ..ChainOptions::default()
-        };
+        let (components, em) = (Some(1), few_starts(2));
+        let options = ChainOptions { components, residual, em, ..ChainOptions::default() };
         fit_chain(&series, &points, &options, &Silent).unwrap()
     }
 
@@ -332,11 +321,7 @@ mod tests {
     }
 
     fn trace(series: &Series, threshold: f64) -> Vec<TracePoint> {
-        let plays = PlayParameters {
-            thresholds_counts: vec![vec![0.0, threshold]],
-            weights: vec![vec![0.5, 0.5]],
-            planar_thresholds_counts: Vec::new(),
-        };
+        let plays = plays_of(vec![vec![0.0, threshold]], vec![vec![0.5, 0.5]]);
         trace_plays(series, &plays).unwrap()
     }
 

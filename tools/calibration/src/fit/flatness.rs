@@ -87,11 +87,8 @@ fn find(
         let (slope, direction) = flattest(slope(&counts))?;
         let suspicious = slope < MIN_SHARE * straight;
         let shown = || rows.show_at_most(2.0 * MIN_SHARE * straight, &counts, &direction);
-        (suspicious && !shown()).then(|| FlatSpot {
-            counts: counts.iter().take(rows.motors()).copied().collect(),
-            slope,
-            straight,
-        })
+        let place = || counts.iter().take(rows.motors()).copied().collect();
+        (suspicious && !shown()).then(|| FlatSpot { counts: place(), slope, straight })
     };
     let spots = positions(hull, rows.motors()).into_iter().filter_map(flat);
     spots.min_by(|a, b| a.slope.total_cmp(&b.slope))

@@ -273,11 +273,8 @@ mod tests {
         };
         refused(reverse, 300, &["from pitch_deg, yaw_deg", "from counts to angles in degrees"]);
         refused(|file| file.outputs.swap(0, 1), 300, &["to yaw_deg, pitch_deg"]);
-        refused(
-            |file| file.version = 2,
-            300,
-            &["not a network of this version: `i2ris-network 2`"],
-        );
+        let newer = |file: &mut NetworkFile| file.version = 2;
+        refused(newer, 300, &["not a network of this version: `i2ris-network 2`"]);
         let radians = |file: &mut NetworkFile| {
             for gain in file.network.output_gain.iter_mut().flatten() {
                 *gain = gain.to_radians();

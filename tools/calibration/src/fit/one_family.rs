@@ -212,12 +212,8 @@ impl FamilyFitter<'_> {
     }
 
     fn fitted(&self, family: FamilyParameters, (log_likelihood, bic): (f64, f64)) -> Fitted {
-        Fitted {
-            family,
-            log_likelihood: Some(log_likelihood),
-            bic: Some(bic),
-            restarts: self.options.em.restarts,
-        }
+        let (log_likelihood, bic) = (Some(log_likelihood), Some(bic));
+        Fitted { family, log_likelihood, bic, restarts: self.options.em.restarts }
     }
 }
 

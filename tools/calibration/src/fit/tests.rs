@@ -41,12 +41,8 @@ fn holding_out(hold_out: HoldOut) -> FitOptions {
 }
 
 fn options() -> FitOptions {
-    FitOptions {
-        choice: Choice::One(Family::Gmr),
-        components: Components::UpTo(4),
-        em: few_starts(3),
-        ..FitOptions::default()
-    }
+    let (choice, components) = (Choice::One(Family::Gmr), Components::UpTo(4));
+    FitOptions { choice, components, em: few_starts(3), ..FitOptions::default() }
 }
 
 /// Components of the mixture that was chosen on the rows used for training.

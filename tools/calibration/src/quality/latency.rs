@@ -80,11 +80,8 @@ pub fn estimate_latency(
         measured.iter().filter(|outputs| (first..=last).contains(&outputs.time_s)).collect();
     let every = inside.len().div_ceil(MAX_SAMPLES).max(1);
     let seen: Vec<&TimedOutputs> = inside.into_iter().step_by(every).collect();
-    let search = Search {
-        features: Features::new(path, motors, seen.len())?,
-        outputs: scaled_outputs(&seen)?,
-        seen,
-    };
+    let features = Features::new(path, motors, seen.len())?;
+    let search = Search { features, outputs: scaled_outputs(&seen)?, seen };
     let middle = search.best_shift()?;
     let around = search.around(middle)?;
     let without = |block| lowest(errors(&around, Some(block))?, WIDTH_S);
@@ -218,10 +215,8 @@ mod tests {
         let place = |k: usize| {
             let t = k as f64 * 0.004;
             let size = 900.0 * (0.6 + 0.4 * (0.3 * t).sin());
-            TimedCounts {
-                time_s: t,
-                counts: [size * (1.1 * t).sin(), size * (1.7 * t + 1.0).sin()],
-            }
+            let counts = [size * (1.1 * t).sin(), size * (1.7 * t + 1.0).sin()];
+            TimedCounts { time_s: t, counts }
         };
         (0..(seconds / 0.004) as usize).map(place).collect()
     }
@@ -238,10 +233,8 @@ mod tests {
                 let bend = 40.0 * (played[0] / 2500.0).sin();
                 let first = bend + 0.01 * played[1] + kick();
                 let second = 0.02 * played[1] - 0.005 * played[0] + kick();
-                seen.push(TimedOutputs {
-                    time_s: place.time_s + late,
-                    outputs: [first, second, 0.0],
-                });
+                let outputs = [first, second, 0.0];
+                seen.push(TimedOutputs { time_s: place.time_s + late, outputs });
             }
         }
         seen

@@ -68,12 +68,8 @@ impl<'a> Features<'a> {
         let mut plays = Plays::new(scaled(&path[0].counts), motors);
         let places = path.iter().map(|place| plays.advance(scaled(&place.counts)));
         let enough = |degree: &usize| samples >= SAMPLES_PER_FEATURE * count(motors, *degree);
-        Some(Self {
-            path,
-            motors,
-            lag_degree: LAG_DEGREES.into_iter().find(enough)?,
-            places: places.collect(),
-        })
+        let lag_degree = LAG_DEGREES.into_iter().find(enough)?;
+        Some(Self { path, motors, lag_degree, places: places.collect() })
     }
 
     /// A row for every instant; the first feature is 1. `None` if two positions have one stamp.

@@ -132,10 +132,8 @@ impl<'a> Table<'a> {
         };
         let Layout { time, counts, outputs, .. } = &self.layout;
         if let Some(column) = counts.iter().find(|it| !COUNTS_UNITS.contains(&&*unit_of(it))) {
-            return wrong(
-                column,
-                "is not a unit of counts; remove the line, or use another column",
-            );
+            let reason = "is not a unit of counts; remove the line, or use another column";
+            return wrong(column, reason);
         }
         for (column, spec) in outputs {
             let units = match spec.unit {

@@ -125,10 +125,8 @@ mod tests {
         let times = || (0..600).map(|i| 0.2 * f64::from(i));
         let bent = |angle: f64| bend * (angle / bend).tanh();
         let row = |time: f64| straight(wander(time)).map(|angle| bent(angle) + 0.05 * noise());
-        let data = RegressionData::new(
-            DataTable::from_rows(2, times().map(wander)),
-            DataTable::from_rows(2, times().map(row)),
-        );
+        let inputs = DataTable::from_rows(2, times().map(wander));
+        let data = RegressionData::new(inputs, DataTable::from_rows(2, times().map(row)));
         let em = EmOptions { max_iterations: 50, ..EmOptions::default() };
         left_out_errors(&data, &[1, 2, 4, 300], &em, &Silent)
     }

@@ -94,11 +94,8 @@ pub fn fit_linear(inputs: &DataTable, outputs: &DataTable) -> Result<LinearFit, 
     let offset = output_mean - &gain * input_mean;
     let residuals = y - standardised * slopes;
     let covariance = residual_covariance(&residuals, outputs, (rows - d - 1) as f64);
-    Ok(LinearFit {
-        gain: rows_of(&gain),
-        offset: offset.as_slice().to_vec(),
-        covariance: rows_of(&covariance),
-    })
+    let (gain, covariance) = (rows_of(&gain), rows_of(&covariance));
+    Ok(LinearFit { gain, offset: offset.as_slice().to_vec(), covariance })
 }
 
 /// Covariance of residuals with `freedom` degrees of freedom.

@@ -68,11 +68,9 @@ impl Comparison {
         let models = models.iter().zip(&doubts).map(|((name, model), doubts)| {
             ComparedModel::new(name, model, recording, doubts, &common)
         });
-        Ok(Self {
-            models: models.collect::<Result<_, _>>()?,
-            recording: (recording.name().to_owned(), rows, positions),
-            common: common.len(),
-        })
+        let models = models.collect::<Result<_, _>>()?;
+        let recording = (recording.name().to_owned(), rows, positions);
+        Ok(Self { models, recording, common: common.len() })
     }
 
     /// The best model on the rows known to all, and the certainty; `None` without a second one.
@@ -275,18 +273,15 @@ impl DriftReport {
                 .with(Mark::horizontal(0.0, Stroke::new(Color::DARK, 0.6)));
             figure.row(HEIGHT, vec![panel])
         });
-        page.figure(
-            figure,
-            "Measured minus predicted over time, as calibrated, and with the drift taken out.",
-        );
+        let caption =
+            "Measured minus predicted over time, as calibrated, and with the drift taken out.";
+        page.figure(figure, caption);
         page.html()
     }
 
     fn table(&self) -> Table {
-        let mut table = Table::new(
-            "What has changed since the calibration, with standard deviations.",
-            ["", "value", "deviation"],
-        );
+        let caption = "What has changed since the calibration, with standard deviations.";
+        let mut table = Table::new(caption, ["", "value", "deviation"]);
         let mut row = |name: String, Value { value, deviation }: &Value| {
             table.row([name, format!("{value:+.3}"), format!("{deviation:.3}")]);
         };

@@ -247,10 +247,8 @@ pub(super) fn write_mixtures(page: &mut Document, data: &CalibrationReport) {
         for (index, output) in data.outputs.iter().enumerate() {
             let of_output = |at: &&PlanarMixture| at.output == index;
             let panels = family.mixtures.iter().filter(of_output);
-            figure = figure.row(
-                MIXTURE_HEIGHT,
-                panels.map(|mixture| mixture_panel(data, family, mixture, output)).collect(),
-            );
+            let panels = panels.map(|mixture| mixture_panel(data, family, mixture, output));
+            figure = figure.row(MIXTURE_HEIGHT, panels.collect());
         }
         let less = "With one mixture per motor, the contribution of the other motor is subtracted.";
         let caption = format!(

@@ -169,10 +169,8 @@ fn errors(
             pairs.clone().map(|(a, b)| (a[output] - b[output]).abs()).collect();
         quantile_of_unsorted(&mut errors, 0.99)
     };
-    Some(Errors {
-        rms_length: root_mean_square(lengths)?,
-        p99: (0..outputs).map(p99).collect::<Option<_>>()?,
-    })
+    let p99 = (0..outputs).map(p99).collect::<Option<_>>()?;
+    Some(Errors { rms_length: root_mean_square(lengths)?, p99 })
 }
 
 fn settings(options: &FitOptions) -> Vec<(String, String)> {

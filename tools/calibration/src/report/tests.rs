@@ -2,7 +2,6 @@
 
 use i2ris::model::Model;
 use i2ris::model::file::FamilyParameters;
-use i2ris::model::hysteresis::backlash_play::PlayParameters;
 
 use super::CalibrationReport;
 use super::fit::Straight;
@@ -11,17 +10,13 @@ use crate::fit::split::HoldOut;
 use crate::fit::{Choice, Components, Family, FitOptions, FitOutcome, fit};
 use crate::progress::Silent;
 use crate::recording::{ReadReport, Recording};
-use crate::testing::{few_starts, noise, one_motor, recording, straight, wander};
+use crate::testing::{few_starts, noise, one_motor, plays_of, recording, straight, wander};
 
 const NASTY: &str = "<i>\"&'</i>.csv";
 
 fn options() -> FitOptions {
-    FitOptions {
-        em: few_starts(2),
-        choice: Choice::One(Family::Gmr),
-        components: Components::Exactly(2),
-        ..FitOptions::default()
-    }
+    let (choice, components) = (Choice::One(Family::Gmr), Components::Exactly(2));
+    FitOptions { em: few_starts(2), choice, components, ..FitOptions::default() }
 }
 
 /// A mixture of two components, and the linear model that every fit has.
@@ -172,12 +167,8 @@ fn directions_follow_the_counts_and_not_their_flicker() {
         let flicker = if (row as i64) % 2 == 0 { 0.25 } else { -0.25 };
         ((100.0 - 2.0 * (row - 50.0).abs()) + flicker, row)
     });
-    let options = FitOptions {
-        choice: Choice::One(Family::Linear),
-        hold_out: HoldOut::Fraction(0.6),
-        force: true,
-        ..FitOptions::default()
-    };
+    let (choice, hold_out) = (Choice::One(Family::Linear), HoldOut::Fraction(0.6));
+    let options = FitOptions { choice, hold_out, force: true, ..FitOptions::default() };
     let outcome = fit(&recording, &options, &Silent).unwrap();
     let track = gathered_of(&recording, &outcome).track;
     let rising: Vec<bool> = track.rising.iter().map(|now| now[0]).collect();
@@ -197,11 +188,7 @@ fn branches_are_apart_by_the_width_of_the_play() {
     let mut file = outcome.model.file().clone();
     let FamilyParameters::Gmr { mixture } = file.family else { panic!("not a mixture") };
     file.family = FamilyParameters::GmrPlay {
-        plays: PlayParameters {
-            thresholds_counts: vec![vec![0.0, 50.0]],
-            weights: vec![vec![0.2, 0.8]],
-            planar_thresholds_counts: Vec::new(),
-        },
+        plays: plays_of(vec![vec![0.0, 50.0]], vec![vec![0.2, 0.8]]),
         mixture,
         residual: None,
         virtual_hull: file.hull.clone(),

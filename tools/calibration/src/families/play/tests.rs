@@ -1,7 +1,7 @@
 //! Properties of the fit of plays.
 
 use i2ris::model::hysteresis::Operator;
-use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
+use i2ris::model::hysteresis::backlash_play::Plays;
 use nalgebra::{DVector, SVector};
 use proptest::prelude::*;
 
@@ -14,7 +14,7 @@ use crate::progress::Silent;
 use crate::recording::Recording;
 use crate::series::Series;
 use crate::testing::{
-    assert_near, few_starts, noise, one_motor, recording, straight, wander, with_threads,
+    assert_near, few_starts, noise, one_motor, plays_of, recording, straight, wander, with_threads,
 };
 
 const THRESHOLDS: [f64; 5] = [0.0, 10.0, 25.0, 60.0, 120.0];
@@ -25,11 +25,8 @@ fn thresholds(some: &[f64]) -> Thresholds {
 
 /// A snake that is a play sum with a bent curve, with noise of the given deviation in degrees.
 fn snake(rows: usize, weights: [&[f64]; 2], deviation: f64) -> Recording {
-    let parameters = PlayParameters {
-        thresholds_counts: vec![THRESHOLDS.to_vec(); 2],
-        weights: weights.map(<[f64]>::to_vec).to_vec(),
-        planar_thresholds_counts: Vec::new(),
-    };
+    let weights = weights.map(<[f64]>::to_vec).to_vec();
+    let parameters = plays_of(vec![THRESHOLDS.to_vec(); 2], weights);
     let operator = Plays::<2>::prepare(&parameters).unwrap();
     let mut state = operator.begin(&SVector::from(wander(0.0)));
     let mut noise = noise(5);
