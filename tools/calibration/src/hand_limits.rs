@@ -1,5 +1,4 @@
-//! Hand motion within the limits of a robot with a model: duration of a reversal, and maximum speed
-//! of a goal in any direction and anywhere in the hull.
+//! Hand motion within the limits of a robot with a model: reversal, and speed of a goal anywhere.
 
 use std::f64::consts::TAU;
 use std::{array, fmt};

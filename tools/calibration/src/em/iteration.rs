@@ -9,9 +9,9 @@
 //! with a small positive definite `P`: without it the likelihood has no maximum, because a
 //! component that shrinks onto one row makes it infinite (J. Chen, X. Tan, "Inference for
 //! multivariate normal mixtures", Journal of Multivariate Analysis, 2009). Its maximisation step
-//! adds `P N/K` to the scatter of every component, so a component of average weight gets `P` added
-//! to its covariance, and the objective never decreases, as it could if the covariances were only
-//! enlarged after the step.
+//! adds `P N/K` to the scatter of every component, so one of average weight gets `P` added to its
+//! covariance. The objective never decreases, as it could if covariances were enlarged after the
+//! step.
 //!
 //! A component with too few rows for a shape **starves**: it would describe the prior. It restarts
 //! as half of that with the most rows, as often as there are components, and is then removed.

@@ -2,12 +2,9 @@
 //!
 //! # Glossary
 //!
-//! - **start**: a first guess of the mixture. The likelihood has many local maxima, so there are
-//!   many random starts.
-//! - **EM iteration**: one expectation and one maximisation step; repeated from a start until the
-//!   likelihood no longer rises.
-//! - **responsibility**: the probability that a row came from a component, given the present
-//!   mixture.
+//! - **start**: a first guess of the mixture. Many local maxima need many random starts.
+//! - **EM iteration**: an expectation and a maximisation step, until the likelihood is steady.
+//! - **responsibility**: the probability that a row came from a component of the present mixture.
 //! - **standardised**: shifted and scaled to mean 0 and variance 1, one variable at a time. All
 //!   work is done there, so that neither the units nor an offset of the data matter; results are
 //!   in the units of the data.

@@ -232,8 +232,7 @@ fn covers(series: &Series, first: usize) -> bool {
 }
 
 /// A row of residual features per sample: monomials of the scaled counts up to the first degree,
-/// then each lag times the monomials up to the second. `row` returns the counts and lags of a
-/// sample.
+/// then each lag times the monomials up to the second. `row` returns counts and lags of a sample.
 pub(crate) fn feature_matrix(
     motors: usize,
     (rows, lags): (usize, usize),

@@ -5,15 +5,14 @@
 //! another if it is worse by at most one standard error of that difference (L. Breiman et al.,
 //! "Classification and Regression Trees", 1984, 3.4.3).
 //!
-//! A model commands counts by its inverse, but the snake differs from the model.
-//! So the inverse of every family is run through the other families as plants. Between families
-//! that are as good as the best on the rows held out, what it leaves there decides, on plants
-//! outside this group: a plant in it would favour itself. Excluded as plants are families
-//! with a much larger error on the rows held out, and those that no other family can follow: they
-//! would favour the dullest family.
+//! A model commands counts by its inverse, but the snake differs from the model. So the inverse of
+//! every family is run through the other families as plants. Between families that are as good as
+//! the best on the rows held out, what it leaves there decides, on plants outside this group: a
+//! plant in it would favour itself. No plants are families with a much larger error on the rows
+//! held out, and those that no other can follow: they would favour the dullest family.
 //!
-//! Of those that are as good as the best, `force-balance` is taken, because a mechanism also holds
-//! in other motion; otherwise the simplest.
+//! Of those as good as the best, `force-balance` is taken, because a mechanism also holds in other
+//! motion; otherwise the simplest.
 //!
 //! A recording of one axis at a time says nothing of the plane between. There a mixture may be tens
 //! of degrees wrong, so it is neither a candidate nor a plant.

@@ -75,13 +75,8 @@ pub fn metrics(pairs: &[(f64, f64)]) -> Option<FitMetrics> {
         max = max.max(error);
     }
     let rmsd = (squares / rows).sqrt();
-    Some(FitMetrics {
-        r2: 1.0 - squares / variation,
-        rmsd,
-        nrmsd: rmsd / (high - low),
-        mae: errors / rows,
-        max,
-    })
+    let (r2, nrmsd, mae) = (1.0 - squares / variation, rmsd / (high - low), errors / rows);
+    Some(FitMetrics { r2, rmsd, nrmsd, mae, max })
 }
 
 /// Part of its range that every motor covers before rows are judged; pieces of a single block.

@@ -49,8 +49,7 @@ pub enum Finding {
     LargeLoops { motor: usize, percent: f64 },
     /// Part of the path on which the motors move together, percent.
     OneAxisAtATime { percent: f64 },
-    /// Part of the positions away from the middle that lie on two lines, as along pitch and then
-    /// along yaw, percent.
+    /// Part of the positions away from the middle that lie on two lines, percent.
     TwoLines { percent: f64 },
     /// Part of the motion that is independent, percent.
     HardlySeparable { percent: f64 },

@@ -200,8 +200,8 @@ impl Recording {
         self.path().iter().map(timed).collect()
     }
 
-    /// The recording with all outputs `seconds` earlier. Rows that leave it or fall into a gap are
-    /// left out; without time stamps it stays as it is.
+    /// The recording with all outputs `seconds` earlier, at the counts then. Rows that leave it or
+    /// fall into a gap are left out; without time stamps it stays as it is.
     pub fn shifted(&self, seconds: f64) -> Self {
         let Some(timed) = self.timed_path() else { return self.clone() };
         let gap = GAP * usual_step(&timed).unwrap_or_default();

@@ -1,9 +1,8 @@
 //! From bytes to cells: the format of a table, detected from the table itself.
 //!
 //! Cells are separated by commas, semicolons, tabs or blanks; numbers have decimal points, or
-//! decimal commas if commas do not separate. Comments begin with `#` or `%`, and one of them may
-//! name the columns. The incomplete end of a file, left by a program that was killed, is skipped
-//! and reported.
+//! decimal commas if commas do not separate. Comments begin with `#` or `%`, and one may name the
+//! columns. The incomplete end of a file, left by a killed program, is skipped and reported.
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 

@@ -36,7 +36,7 @@ impl LinearFit {
 pub enum LinearError {
     #[error("{rows} row(s) do not determine an affine model, {least} would; record more")]
     TooFewRows { rows: usize, least: usize },
-    /// A motor, counted from 0.
+    /// Motor, counted from 0.
     #[error(
         "motor {0} does not move in the rows used for training; move that motor, or hold out \
          other rows"

@@ -208,14 +208,9 @@ impl CalibrationReport {
 
     fn overview(&self) -> Table {
         let unit = self.unit();
-        let header = [
-            "family",
-            &format!("RMS, training ({unit})"),
-            &format!("RMS, held out ({unit})"),
-            "below linear",
-            "fit (s)",
-            "model",
-        ];
+        let [training, held_out] =
+            ["training", "held out"].map(|rows| format!("RMS, {rows} ({unit})"));
+        let header = ["family", &training, &held_out, "below linear", "fit (s)", "model"];
         let mut table = Table::new(
             "All families; the chosen one in bold. RMS: root mean square length of the error over \
              all outputs. Model: the first digits of its SHA-256.",

@@ -4,10 +4,8 @@
 //!    longest travel between two turning points. Their number and range are chosen by leaving out
 //!    contiguous blocks.
 //! 2. **Weights** are fitted by variable projection with a polynomial, a substitute for the later
-//!    regression, and then with a Gaussian mixture as long as that lowers the error on blocks left
-//!    out.
-//! 3. The **chain** after the operator is fitted: mixture on the virtual counts, residual on the
-//!    lags.
+//!    regression, then with a Gaussian mixture while that lowers the error on blocks left out.
+//! 3. The **chain** after the operator is fitted: mixture on virtual counts, residual on lags.
 //!
 //! | file | contents |
 //! |---|---|

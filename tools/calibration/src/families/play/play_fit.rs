@@ -152,15 +152,12 @@ impl PlayMechanism {
 impl PlayMotor {
     fn new(gain: f64, thresholds: &[f64], weights: &[f64]) -> Self {
         // A play of threshold r follows after a travel of 2 r, and its branches are 2 r apart.
-        let gap = 2.0 * weighted_median(thresholds, weights);
-        let width = 2.0 * weighted_mean(thresholds, weights);
-        Self {
-            gain,
-            gap_counts: gap,
-            gap: gain * gap,
-            loop_counts: width,
-            loop_width: gain * width,
-        }
+        let gap_counts = 2.0 * weighted_median(thresholds, weights);
+        let pairs = thresholds.iter().zip(weights);
+        let mean: f64 = pairs.map(|(threshold, weight)| threshold * weight).sum();
+        let loop_counts = 2.0 * mean;
+        let (gap, loop_width) = (gain * gap_counts, gain * loop_counts);
+        Self { gain, gap_counts, gap, loop_counts, loop_width }
     }
 }
 
@@ -174,11 +171,6 @@ impl fmt::Display for PlayMechanism {
         }
         self.rotation_deg.map_or(Ok(()), |rotation| writeln!(f, "axes turned by {rotation:.1} deg"))
     }
-}
-
-fn weighted_mean(thresholds: &[f64], weights: &[f64]) -> f64 {
-    let pairs = thresholds.iter().zip(weights);
-    pairs.map(|(threshold, weight)| threshold * weight).sum()
 }
 
 /// The smallest threshold at which the weights up to it reach one half.
