@@ -35,10 +35,8 @@ fn read(name: &str) -> (Recording, ReadReport) {
 fn the_file_is_read_as_it_is() {
     let (recording, report) = read(RING);
     assert_eq!((report.rows, recording.rows().len()), (249, 244));
-    assert_eq!(
-        report.dropped.iter().map(|row| row.line).collect::<Vec<_>>(),
-        [38, 74, 97, 155, 160]
-    );
+    let dropped: Vec<u64> = report.dropped.iter().map(|row| row.line).collect();
+    assert_eq!(dropped, [38, 74, 97, 155, 160]);
     assert!(report.dropped.iter().all(|row| row.column == "yaws"));
     let first = recording.rows()[0];
     assert_eq!(

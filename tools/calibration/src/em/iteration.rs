@@ -254,10 +254,8 @@ mod tests {
     #[test]
     fn separate_clusters_become_components() {
         let row = |i: u32| {
-            [
-                f64::from(i % 3) * 100.0 + f64::from(i / 9),
-                f64::from(i % 3) * 50.0 - f64::from(i % 7),
-            ]
+            let cluster = f64::from(i % 3);
+            [cluster * 100.0 + f64::from(i / 9), cluster * 50.0 - f64::from(i % 7)]
         };
         let samples = samples(&(0..90).map(row).collect::<Vec<_>>());
         let prior = SMatrix::identity() * 1e-6;

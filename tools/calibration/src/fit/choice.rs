@@ -8,8 +8,8 @@
 //! A model commands counts by its inverse, but the snake differs from the model. So the inverse of
 //! every family is run through the other families as plants. Between families that are as good as
 //! the best on the rows held out, what it leaves there decides, on plants outside this group: a
-//! plant in it would favour itself. No plants are families with a much larger error on the rows
-//! held out, and those that no other can follow: they would favour the dullest family.
+//! plant in it would favour itself. Families with a much larger error on the rows held out, and
+//! those that no other can follow, are not plants: they would favour the dullest family.
 //!
 //! Of those as good as the best, `force-balance` is taken, because a mechanism also holds in other
 //! motion; otherwise the simplest.

@@ -203,7 +203,7 @@ pub enum NetworkError {
          {straight:.3}: it was trained on another robot, in other units, or with other steps"
     )]
     WorseThanLinear { error: f64, straight: f64 },
-    /// As the controller would refuse it.
+    /// The controller would refuse it as well.
     #[error("the network {0}")]
     Refused(ModelError),
 }

@@ -163,6 +163,6 @@ impl Default for FitOptions {
 pub enum Components {
     /// Exactly this number.
     Exactly(usize),
-    /// From three to this number, as rows suffice: the least whose inverse has nearly least error.
+    /// From three to this number, if rows suffice: the fewest with an inverse near the least error.
     UpTo(usize),
 }

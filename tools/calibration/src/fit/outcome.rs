@@ -67,7 +67,7 @@ pub enum FitError {
          with --family and no --model, or hold something out"
     )]
     NothingToChooseBy,
-    /// As the controller would refuse it.
+    /// The controller would refuse it as well.
     #[error("the model of family `{family}` is refused: {source}")]
     Refused { family: Family, source: Box<ModelError> },
 }

@@ -179,8 +179,10 @@ fn round(value: f64) -> f64 {
     (value * scale).round() / scale
 }
 
-/// Bits of counters, not round numbers: such steps are commanded; end of signed 32-bit ones.
+/// Bits of counters. Round numbers are not included: such steps are commanded.
 const BITS: std::ops::RangeInclusive<i32> = 10..=32;
+
+/// Range of a signed 32-bit counter; an unsigned one exceeds it.
 const BEYOND: f64 = 2_147_483_648.0;
 
 /// Wrong readings: distance in ranges (without outer twentieths) and counts, and rows at most.

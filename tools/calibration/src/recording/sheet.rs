@@ -74,7 +74,7 @@ impl Sheet {
     }
 }
 
-/// The text, and whether its last line is complete. A write without power leaves zeros at the end.
+/// The text, and whether its last line is complete. A write cut by a power loss leaves zeros.
 fn text<'a>(
     bytes: &'a [u8],
     place: &Place,
@@ -115,7 +115,8 @@ fn uncommented(line: &str) -> &str {
     line.trim().trim_start_matches(['#', '%']).trim()
 }
 
-/// Separator that makes most numbers of the first such line, and its index; else by the header.
+/// The separator that makes most numbers of the first line with numbers, and the index of that
+/// line; if there are no numbers, that of the header.
 fn separator(lines: &[&str]) -> (u8, usize) {
     let numbers = |line: &str, separator: u8| {
         let found = cells(line, separator);

@@ -80,10 +80,8 @@ fn rows_with_an_empty_cell_are_dropped_and_named() {
     assert_eq!(dropped, [(5, "pitch_deg"), (35, "t_s")]);
     assert_eq!((report.rows, recording.rows().len()), (31, 29));
     // The blank lines 11 to 13 are not rows, but they count as lines.
-    assert_eq!(
-        recording.rows().iter().map(|row| row.line).skip(7).take(3).collect::<Vec<_>>(),
-        [10, 14, 15]
-    );
+    let lines: Vec<u64> = recording.rows().iter().map(|row| row.line).skip(7).take(3).collect();
+    assert_eq!(lines, [10, 14, 15]);
 }
 
 #[test]
@@ -193,10 +191,8 @@ fn positions_without_outputs_are_path_points_only() {
     lines.insert(8, "5.95,57,0,3,".to_owned());
     let (recording, report) = read(&lines.join("\n")).unwrap();
     let plain = read(&good().join("\n")).unwrap().0;
-    assert_eq!(
-        (recording.path().len(), recording.rows().len()),
-        (plain.rows().len() + 2, plain.rows().len())
-    );
+    let rows = plain.rows().len();
+    assert_eq!((recording.path().len(), recording.rows().len()), (rows + 2, rows));
     assert_eq!((report.positions, report.dropped.len()), (1, 1));
     for row in recording.rows() {
         let place = recording.path()[row.path_index];

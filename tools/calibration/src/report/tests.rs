@@ -116,12 +116,11 @@ fn names_are_escaped() {
     assert_valid(&text);
     let document = parse(&text);
     assert!(document.descendants().all(|node| node.tag_name().name() != "i"));
+    let is_nasty =
+        |node: roxmltree::Node<'_, '_>| node.text().is_some_and(|text| text.contains(NASTY));
     for name in ["h1", "li", "td", "th", "text", "figcaption"] {
         let mut all = document.descendants().filter(|node| node.tag_name().name() == name);
-        assert!(
-            all.any(|node| node.descendants().any(|n| n.text().is_some_and(|t| t.contains(NASTY)))),
-            "{name}"
-        );
+        assert!(all.any(|node| node.descendants().any(is_nasty)), "{name}");
     }
 }
 
@@ -205,11 +204,6 @@ fn branches_are_apart_by_the_width_of_the_play() {
         "{up:?} {down:?}"
     );
     let memoryless = branches(&outcome.model, 0, &line, unit);
-    assert!(
-        memoryless
-            .rising
-            .iter()
-            .zip(memoryless.falling.iter().rev())
-            .all(|(up, down)| up[1] == down[1])
-    );
+    let mut pairs = memoryless.rising.iter().zip(memoryless.falling.iter().rev());
+    assert!(pairs.all(|(up, down)| up[1] == down[1]));
 }
