@@ -3,7 +3,7 @@
 //! Where a regression has a small slope in some direction of motor space, its inverse takes large
 //! steps for small goals. A mixture with too many components gets such places between its data. But
 //! a snake may be slack around its straight pose, and then a flat model is correct. Hence the rule:
-//! a position is **too flat** if the smallest slope of the model is below [`MIN_SHARE`] of that of
+//! a position is **too flat** if the smallest slope of the model is below `MIN_SHARE` of that of
 //! the affine model, and the rows around it do not agree: there are too few, or a local affine
 //! regression has more than twice that slope in that direction, beyond its uncertainty. A
 //! hysteresis loop correctly widens that uncertainty: its branches are slack at different counts.
