@@ -46,7 +46,7 @@ impl Axis {
         Self { label: label.into(), kind, range: None, included: None, ticks: Vec::new() }
     }
 
-    /// A linear axis. The label has the quantity and its unit: `angle (deg)`.
+    /// The label has the quantity and its unit: `angle (deg)`.
     pub fn linear(label: impl Into<String>) -> Self {
         Self::new(label, Kind::Linear)
     }
@@ -68,7 +68,6 @@ impl Axis {
         Self { range: Some((low, high)), ..self }
     }
 
-    /// Extends the range to a value.
     pub fn including(self, value: f64) -> Self {
         Self { included: Some(value), ..self }
     }
@@ -99,7 +98,6 @@ impl Axis {
         self.valid(if is_floor { low } else { low - margin }, high + margin)
     }
 
-    /// Widens an empty or invalid range.
     fn valid(&self, low: f64, high: f64) -> (f64, f64) {
         let least = if self.kind == Kind::Log { SMALLEST } else { -LARGEST };
         if low.is_nan() || high.is_nan() || low > high {

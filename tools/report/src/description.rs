@@ -30,7 +30,6 @@ struct Argument {
 }
 
 impl Description {
-    /// Describes a command line.
     pub fn new(command: &Command) -> Self {
         Self {
             name: command.get_name().to_owned(),

@@ -5,14 +5,11 @@ use std::iter;
 
 use maud::{Markup, PreEscaped, html};
 
-use crate::figure::Figure;
-use crate::svg::readable;
+use crate::figure::{Figure, readable};
 
-/// The style sheet for screens and A4 paper.
 const STYLE: &str = include_str!("document.css");
 
-/// A browser may load only the style sheet of the page itself. The tags end as in XML, which
-/// browsers accept and every parser reads.
+/// Only the style sheet of the page may be loaded. The tags end as in XML, for every parser.
 const META: &str = concat!(
     r#"<meta charset="utf-8"/><meta http-equiv="Content-Security-Policy" "#,
     r#"content="default-src 'none'; style-src 'unsafe-inline'"/>"#,
@@ -44,12 +41,10 @@ enum Part {
 }
 
 impl Document {
-    /// A document with a title and no other parts.
     pub fn new(title: impl Into<String>) -> Self {
         Self { title: title.into(), parts: Vec::new(), page_only: Vec::new() }
     }
 
-    /// Begins a section.
     pub fn section(&mut self, heading: impl Into<String>) {
         self.parts.push(Part::Section(heading.into()));
     }
@@ -58,7 +53,6 @@ impl Document {
         self.parts.push(Part::Paragraph(text.into()));
     }
 
-    /// Adds a paragraph with the main result.
     pub fn main_result(&mut self, text: impl Into<String>) {
         self.parts.push(Part::MainResult(text.into()));
     }
@@ -226,7 +220,6 @@ pub struct Table {
     text_columns: Vec<usize>,
 }
 
-/// A row of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// The cells from left to right; the first one is the name of the row.
@@ -238,7 +231,6 @@ pub struct Row {
 }
 
 impl Table {
-    /// An empty table. `header` has the names of the columns.
     pub fn new(
         caption: impl Into<String>,
         header: impl IntoIterator<Item = impl Into<String>>,
@@ -257,7 +249,6 @@ impl Table {
         self
     }
 
-    /// Adds a row without emphasis.
     pub fn row(&mut self, cells: impl IntoIterator<Item = String>) -> &mut Row {
         let cells = cells.into_iter().collect();
         self.rows.push(Row { cells, strong: false, rule: false });

@@ -23,39 +23,23 @@ pub const HELP: &str = "Exit codes:
   10   a file is damaged or truncated: the intact part was read, the rest is reported
   130  interrupted twice, or the terminal was closed";
 
-/// Exit code of a run that was given a pose out of reach.
 pub const OUT_OF_REACH: u8 = 7;
-
-/// Exit code when the effect could not be confirmed.
+/// The effect could not be confirmed.
 pub const NOT_CONFIRMED: u8 = 8;
-
-/// Exit code for a configuration that is valid but not ready for a robot.
+/// A configuration is valid but not ready for a robot.
 pub const NOT_READY: u8 = 9;
-
-/// Exit code for a file of which only a part could be read.
+/// Only a part of a file could be read.
 pub const INCOMPLETE: u8 = 10;
-
-/// Exit code when the user interrupted the program.
 pub const INTERRUPTED: u8 = 130;
 
 /// A failure that names its exit code.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error("{sentence}")]
 pub struct Coded {
-    /// The exit code.
     pub code: u8,
-    /// The sentence for the user.
     pub sentence: String,
 }
 
-impl std::fmt::Display for Coded {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.sentence)
-    }
-}
-
-impl std::error::Error for Coded {}
-
-/// The exit code of a failure.
 pub fn code(failure: &Failure) -> u8 {
     if let Some(coded) = failure.downcast_ref::<Coded>() {
         return coded.code;
@@ -94,7 +78,6 @@ mod tests {
 
     #[test]
     fn every_failure_has_the_exit_code_of_the_help() {
-        let domain = "x".to_owned();
         let refused = ClientError::Refused {
             command: StateCommand::Enable,
             refusal: Refusal::NotHomed,
@@ -108,7 +91,7 @@ mod tests {
         let cases: [(Failure, u8); 9] = [
             (no_domain.into(), 2),
             ("something".into(), 1),
-            (ClientError::NoController(domain).into(), 3),
+            (ClientError::NoController("x".to_owned()).into(), 3),
             (refused.into(), 4),
             (Coded { code: 5, sentence }.into(), 5),
             (ClientError::Interrupted { command, cause: Cause::Fault(Fault::Link) }.into(), 5),

@@ -1,28 +1,31 @@
 //! Figures: panels in rows with one legend above them, so that it never hides data.
 
 use std::fmt::{self, Display, Formatter};
+use std::iter;
 
 use maud::{Markup, PreEscaped, html};
 use plotters::element::Rectangle;
-use plotters::prelude::{ChartBuilder, FontStyle, IntoDrawingArea, SVGBackend};
+use plotters::prelude::{
+    ChartBuilder, FontDesc, FontFamily, FontStyle, IntoDrawingArea, SVGBackend, TextStyle,
+};
+use plotters::style::Color as _;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::axis::{Axis, Scale};
 use crate::mark::{Area, LegendEntry, Mark, draw};
 use crate::style::{Color, Stroke, UNIT, pixels};
-use crate::svg::{content, font, readable, text_width};
 
-/// Width of a figure. Across the text of an A4 page (170 mm) one unit is 0.67 pt, and text about
-/// 8 pt.
+/// Width of a figure: across the text of an A4 page (170 mm) one unit is 0.67 pt.
 const WIDTH: f64 = 720.0;
 /// Free space to the right of every panel, for half of the last number of its axis, and above it.
 const MARGINS: [f64; 2] = [16.0, 6.0];
 /// Fonts that every viewer has.
 const FONT: &str = "Helvetica, Arial, Liberation Sans, DejaVu Sans, sans-serif";
+/// The size of all text, in units of the figure: about 8 pt on a page.
+const FONT_SIZE: f64 = 11.5;
 
 /// Length of a tick; the numbers are twice as far from the frame.
 const TICK: f64 = 3.5;
-/// Line height of text.
 const TEXT_LINE: f64 = 17.0;
 /// Least width of a number along the x axis, and least distance of two along the y axis.
 const TICK_DISTANCE: [f64; 2] = [62.0, 34.0];
@@ -45,7 +48,6 @@ pub struct Panel {
 }
 
 impl Panel {
-    /// An empty panel. The title may be empty.
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
         Self { title: title.into(), x, y, marks: Vec::new() }
     }
@@ -239,6 +241,65 @@ fn draw_entry(area: &Area, (label, mark): &LegendEntry, [left, top]: [f64; 2]) {
     let _ = area.draw_text(label, &style, at);
 }
 
+/// The text of a figure, in the font of the element `svg`.
+fn font(style: FontStyle) -> TextStyle<'static> {
+    // The back end divides by the line height.
+    let font = FontDesc::new(FontFamily::Name("inherit"), 1.24 * FONT_SIZE * UNIT, style);
+    TextStyle { color: Color::DARK.rgb().to_backend_color(), ..TextStyle::from(font) }
+}
+
+/// The SVG elements that the back end wrote inside `svg`, with neighbouring lines of one style as
+/// one path: thousands of points and dashes would make large files.
+fn content(svg: &str) -> String {
+    let mut text = String::with_capacity(svg.len());
+    let mut style = None;
+    let lines = svg.lines().filter(|line| !line.starts_with("<svg") && *line != "</svg>");
+    for line in lines.chain(iter::once("")) {
+        let polyline = line.strip_prefix("<polyline ").and_then(|line| line.strip_suffix(" \"/>"));
+        let polyline = polyline.and_then(|line| line.split_once(" points=\""));
+        if style.is_some() && style != polyline.map(|(style, _)| style) {
+            text.push_str("\"/>");
+        }
+        match polyline {
+            Some((now, _)) if style != Some(now) => text.push_str(&format!("<path {now} d=\"")),
+            Some(_) => {}
+            None => text.push_str(line),
+        }
+        style = polyline.map(|(style, _)| style);
+        if let Some((_, points)) = polyline {
+            text.push('M');
+            text.push_str(points);
+        }
+    }
+    text
+}
+
+/// Estimated width of a text. No fonts are available here; the estimate is slightly too large for
+/// the usual sans-serif fonts.
+fn text_width(text: &str) -> f64 {
+    text.chars().map(em_width).sum::<f64>() * FONT_SIZE
+}
+
+/// Width of a character over the font size.
+fn em_width(c: char) -> f64 {
+    match c {
+        'i' | 'j' | 'l' | 't' | 'f' | 'r' | 'I' | ' ' | '.' | ',' | ':' | ';' | '|' | '(' | ')'
+        | '\'' => 0.34,
+        'm' | 'w' | 'M' | 'W' | '%' | '@' => 0.9,
+        c if c.is_uppercase() => 0.71,
+        _ => 0.58,
+    }
+}
+
+/// Control characters, which XML forbids, become the replacement character.
+pub(crate) fn readable(markup: Markup) -> String {
+    let is_allowed = |c: char| {
+        matches!(c, '\n' | '\t') || !(c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}'))
+    };
+    let characters = markup.into_string();
+    characters.chars().map(|c| if is_allowed(c) { c } else { '\u{fffd}' }).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -256,6 +317,35 @@ mod tests {
             assert!(columns as f64 * width - ENTRY_GAP <= WIDTH, "{count}");
             let widest = entries.iter().map(|(label, _)| text_width(label)).fold(0.0, f64::max);
             assert!(SYMBOL + TEXT_GAP + widest <= width);
+        }
+    }
+
+    #[test]
+    fn neighbouring_lines_of_one_style_become_one_path() {
+        let line =
+            |style: &str, points: &str| format!("<polyline {style} points=\"{points} \"/>\n");
+        let (a, b) = ("stroke=\"red\"", "stroke=\"blue\"");
+        let svg = [
+            "<svg>\n",
+            &line(a, "1,2 3,4"),
+            &line(a, "5,6 7,8"),
+            &line(b, "9,9"),
+            "<rect/>\n",
+            "</svg>",
+        ]
+        .concat();
+        let path = "<path stroke=\"red\" d=\"M1,2 3,4M5,6 7,8\"/>";
+        assert_eq!(content(&svg), format!("{path}<path stroke=\"blue\" d=\"M9,9\"/><rect/>"));
+    }
+
+    /// Compares with widths of Helvetica, from its published metrics (thousandths of an em, added).
+    #[test]
+    fn estimated_widths_are_0_to_25_percent_too_large() {
+        let cases =
+            [("-0.25", 0.333 + 3.0 * 0.556 + 0.278), ("pitch (deg)", 4.724), ("measured", 4.446)];
+        for (text, ems) in cases {
+            let ratio = text_width(text) / FONT_SIZE / ems;
+            assert!((1.0..1.25).contains(&ratio), "{text}: {ratio}");
         }
     }
 }

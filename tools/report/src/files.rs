@@ -5,7 +5,7 @@
 
 use std::fs;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 use std::sync::OnceLock;
 
 use nix::unistd::{dup, dup2_stdout};
@@ -28,7 +28,6 @@ pub fn check_overwrite(option: &str, path: &Path, overwrite: bool) -> Result<(),
     Err(format!("{option} {}: exists; name another file, or add --overwrite", path.display()))
 }
 
-/// Creates the folder of a file.
 pub fn make_folder_of(option: &str, path: &Path) -> Result<(), String> {
     let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else {
         return Ok(());
@@ -38,16 +37,14 @@ pub fn make_folder_of(option: &str, path: &Path) -> Result<(), String> {
     })
 }
 
-/// Whether a regular file can exist at a path: not a device or a pipe, and not a descriptor of a
-/// process such as /dev/stdout.
+/// Whether a regular file can be at a path: no device, pipe, or descriptor like /dev/stdout.
 fn is_own_file(path: &Path) -> bool {
     let is_file = path.metadata().map_or(true, |it| it.is_file());
     let target = fs::read_link(path).unwrap_or_default();
     is_file && !target.starts_with("/proc")
 }
 
-/// Replaces the file at `path` atomically, or the one that a link names. After an error that file
-/// is unchanged.
+/// Replaces a file, or the one that a link names, atomically; an error leaves it unchanged.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if let Some(mut output) = STANDARD_OUTPUT.get().filter(|_| path == Path::new("-")) {
         return output.write_all(bytes);
@@ -78,9 +75,7 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), String> {
 pub fn same(a: &Path, b: &Path) -> bool {
     match (fs::canonicalize(a), fs::canonicalize(b)) {
         (Ok(a), Ok(b)) => a == b,
-        _ => std::path::absolute(a)
-            .ok()
-            .is_some_and(|a| std::path::absolute(b).is_ok_and(|b| a == b)),
+        _ => absolute(a).is_ok_and(|a| absolute(b).is_ok_and(|b| a == b)),
     }
 }
 

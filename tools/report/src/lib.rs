@@ -22,10 +22,8 @@
 //! | [`number`] | numbers for readers |
 //! | `style` | colors, dashes, markers |
 //! | `axis` | ranges and numbers of axes |
-//! | `svg` | text of figures, and small files from the SVG back end of `plotters` |
-//! | `decimate` | leaves out points that cannot be seen |
 //! | `mark` | lines, point clouds, reference lines, intervals |
-//! | `figure` | panels with a legend |
+//! | `figure` | panels with a legend, as small SVG files from the back end of `plotters` |
 //! | [`document`] | a report, as text and as one HTML page, with `maud` |
 //! | [`process`] | child processes that end with this one |
 //! | [`programs`] | the programs that `i2ris NAME` starts, and where they are found |
@@ -39,19 +37,16 @@
 //! | [`tips`] | advice about a wrong command line |
 //! | [`preflight`] | the result of a preflight, for the trial after it |
 //! | [`files`] | atomic replacement of files |
-//! | [`hull_outline`] | the calibrated hull in the plane of pitch and yaw |
 //! | [`model_poller`] | the models of the controller, and the hull of the one in use |
 //! | [`view`] | the robot as people see it: one value for every surface |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 mod axis;
-mod decimate;
 pub mod description;
 pub mod document;
 pub mod exit;
 mod figure;
 pub mod files;
-pub mod hull_outline;
 mod mark;
 pub mod model_poller;
 pub mod number;
@@ -65,7 +60,6 @@ pub mod snake;
 pub mod statistics;
 pub mod stop;
 mod style;
-mod svg;
 #[cfg(test)]
 mod tests;
 pub mod tips;

@@ -1,5 +1,7 @@
 //! Marks of a panel: lines, points, reference lines and intervals. Values are in the units of the
-//! axes; values that are not finite are left out.
+//! axes; values that are not finite are left out, and points that cannot be seen.
+
+use std::collections::HashSet;
 
 use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
@@ -8,26 +10,30 @@ use plotters::prelude::{DrawingArea, SVGBackend};
 use plotters::style::Color as _;
 
 use crate::axis::Scale;
-use crate::decimate;
-use crate::statistics::{distance, min_max};
+use crate::statistics::{distance, distance_to_segment, min_max};
 use crate::style::{Color, Marker, Stroke, pixels};
 
 /// Distance between markers along a line.
 const MARKER_DISTANCE: f64 = 55.0;
 
-/// Maximum number of dashes of a line. A line with more is drawn solid: the file would be large,
-/// and the dashes could not be seen.
+/// Maximum number of dashes: a line with more is solid, because the file would be large.
 const MAX_DASHES: f64 = 1500.0;
 
 /// Maximum number of points drawn of a cloud: more make a large file and a black panel.
 const MAX_CLOUD_POINTS: usize = 3000;
+
+/// A deviation of the line that cannot be seen, in tenths of a unit of the figure.
+const TOLERANCE: f64 = 2.0;
+
+/// Width of a column in which a line that only goes forward keeps its first, lowest, highest and
+/// last point, in tenths of a unit.
+const COLUMN: f64 = 5.0;
 
 pub type Point = [f64; 2];
 
 /// The whole figure, a panel or the inside of a panel.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// The inside of a panel with its axes.
 pub type Plane = Cartesian2d<Scale, Scale>;
 
 /// Something that a panel can draw.
@@ -80,17 +86,14 @@ impl Mark {
         Self::new(Shape::Points, points, Stroke::new(color, diameter))
     }
 
-    /// A cloud of markers.
     pub fn markers(points: Vec<Point>, color: Color, marker: Marker) -> Self {
         Self::dots(points, color, 1.1).marker(marker)
     }
 
-    /// A straight line across the whole panel at a value of y.
     pub fn horizontal(value: f64, stroke: Stroke) -> Self {
         Self::new(Shape::Horizontal, vec![[value; 2]], stroke)
     }
 
-    /// A straight line across the whole panel at a value of x.
     pub fn vertical(value: f64, stroke: Stroke) -> Self {
         Self::new(Shape::Vertical, vec![[value; 2]], stroke)
     }
@@ -105,13 +108,11 @@ impl Mark {
         Self { marker: Some(marker), ..self }
     }
 
-    /// With an entry in the legend.
     pub fn label(self, label: impl Into<String>) -> Self {
         Self { label: Some(label.into()), ..self }
     }
 
-    /// The lowest and highest values of both axes that they must contain; of no values, infinity
-    /// and minus infinity.
+    /// Lowest and highest value of both axes; of no values, infinity and minus infinity.
     pub(crate) fn extent(&self) -> [(f64, f64); 2] {
         let is_counted = matches!(self.shape, Shape::Line | Shape::Points);
         let finite = self.points.iter().filter(|[x, y]| x.is_finite() && y.is_finite());
@@ -124,7 +125,6 @@ impl Mark {
         self.label.clone().map(|label| (label, bare))
     }
 
-    /// Draws the symbol of a legend entry into a rectangle.
     pub(crate) fn draw_symbol(&self, area: &Area, [left, top]: [i32; 2], [right, low]: [i32; 2]) {
         let middle = (top + low) / 2;
         let [a, b] = [left, right].map(|x| [f64::from(x), f64::from(middle)]);
@@ -185,7 +185,7 @@ impl Mark {
     }
 
     fn draw_run(&self, area: &Area, run: impl Iterator<Item = Option<Point>>) {
-        self.draw_line(area, &decimate::line(&run.flatten().collect::<Vec<_>>()));
+        self.draw_line(area, &simple_line(&run.flatten().collect::<Vec<_>>()));
     }
 
     fn draw_line(&self, area: &Area, points: &[Point]) {
@@ -208,7 +208,7 @@ impl Mark {
     }
 
     fn draw_cloud(&self, area: &Area, positions: &[Point]) {
-        for at in decimate::cloud(positions, MAX_CLOUD_POINTS) {
+        for at in thin_cloud(positions, MAX_CLOUD_POINTS) {
             let at = whole(at);
             match self.marker {
                 // A disc: a line of no length with round ends, which makes small files.
@@ -230,4 +230,112 @@ where
     for<'b> &'b E: plotters::element::PointCollection<'b, (i32, i32)>,
 {
     let _ = area.draw(element);
+}
+
+/// Keeps the ends of a line, and all extremes if it only goes forward.
+fn simple_line(points: &[Point]) -> Vec<Point> {
+    let is_forward = points.windows(2).all(|pair| pair[0][0] <= pair[1][0]);
+    if is_forward { simplified(&column_extremes(points)) } else { simplified(points) }
+}
+
+/// First, lowest, highest and last point of every column, in their order (U. Jugel et al., "M4: a
+/// visualization-oriented time series data aggregation", VLDB 2014).
+fn column_extremes(points: &[Point]) -> Vec<Point> {
+    let column = |point: &Point| (point[0] / COLUMN).floor();
+    let mut kept = Vec::new();
+    for run in points.chunk_by(|a, b| column(a) == column(b)) {
+        let by_height = |a: &usize, b: &usize| run[*a][1].total_cmp(&run[*b][1]);
+        let lowest = (0..run.len()).min_by(by_height).unwrap_or(0);
+        let highest = (0..run.len()).max_by(by_height).unwrap_or(0);
+        let mut indices = [0, lowest, highest, run.len() - 1].to_vec();
+        indices.sort_unstable();
+        indices.dedup();
+        kept.extend(indices.into_iter().map(|index| run[index]));
+    }
+    kept
+}
+
+/// Ramer, Douglas and Peucker: a section whose points are all near its chord becomes the chord.
+fn simplified(points: &[Point]) -> Vec<Point> {
+    let Some(last) = points.len().checked_sub(1) else {
+        return Vec::new();
+    };
+    let mut keep = vec![false; points.len()];
+    (keep[0], keep[last]) = (true, true);
+    let mut open = vec![(0, last)];
+    while let Some((from, to)) = open.pop() {
+        let distance = |i: &usize| distance_to_segment(points[*i], points[from], points[to]);
+        let furthest = (from + 1..to).max_by(|a, b| distance(a).total_cmp(&distance(b)));
+        if let Some(furthest) = furthest.filter(|index| distance(index) > TOLERANCE) {
+            keep[furthest] = true;
+            open.extend([(from, furthest), (furthest, to)]);
+        }
+    }
+    let kept = points.iter().zip(keep).filter(|(_, keep)| *keep);
+    kept.map(|(point, _)| *point).collect()
+}
+
+/// A point cloud without the points that others hide: the first point of every square cell stays.
+/// The cells grow until at most `most` points are left, so a dense cloud gets thinner and its
+/// outliers stay.
+fn thin_cloud(points: &[Point], most: usize) -> Vec<Point> {
+    let mut size = 10.0;
+    loop {
+        let mut taken = HashSet::new();
+        let cell = |point: &Point| point.map(|x| (x / size).floor() as i64);
+        let kept = points.iter().filter(|point| taken.insert(cell(point)));
+        let kept: Vec<_> = kept.copied().collect();
+        // A figure has only a few cells above this size.
+        if kept.len() <= most || size > 1e5 {
+            return kept;
+        }
+        size *= 1.25;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn points_on_a_straight_line_are_left_out() {
+        let straight: Vec<_> = (0..1000).map(|i| [0.3, 0.1].map(|k| k * f64::from(i))).collect();
+        assert_eq!(simple_line(&straight), [straight[0], straight[999]]);
+        assert!(simple_line(&[]).is_empty());
+        assert_eq!(simple_line(&[[1.0, 2.0]]), [[1.0, 2.0]]);
+    }
+
+    #[test]
+    fn a_long_noisy_line_becomes_short_and_keeps_its_spikes() {
+        let noise = |i: u32| f64::from(i.wrapping_mul(2_654_435_761) >> 20) * 0.01;
+        let mut noisy: Vec<_> = (0..100_000).map(|i| [f64::from(i) * 0.006, noise(i)]).collect();
+        noisy.extend([[600.0, 777.0], [600.001, 0.0]]);
+        let short = simple_line(&noisy);
+        assert!(short.len() < 5000, "{}", short.len());
+        assert!(short.iter().any(|point| point[1] == 777.0));
+    }
+
+    fn points() -> impl Strategy<Value = Vec<Point>> {
+        prop::collection::vec([0.0..300.0_f64, 0.0..200.0_f64], 2..150)
+    }
+
+    proptest! {
+        #[test]
+        fn every_point_left_out_is_near_the_line(points in points()) {
+            let short = simplified(&points);
+            let is_near = |point: &Point| short.windows(2).any(|pair| {
+                distance_to_segment(*point, pair[0], pair[1]) <= TOLERANCE + 1e-9
+            });
+            prop_assert!(points.iter().all(is_near));
+        }
+
+        #[test]
+        fn a_cloud_keeps_at_most_the_given_count(points in points(), most in 5..200_usize) {
+            let thin = thin_cloud(&points, most);
+            prop_assert!(thin.len() <= most && !thin.is_empty());
+            prop_assert!(thin.iter().all(|point| points.contains(point)));
+        }
+    }
 }

@@ -6,8 +6,7 @@ pub const MINUS: char = '\u{2212}';
 /// Stands for a number that is not known or not finite.
 pub const MISSING: &str = "–";
 
-/// A number with a fixed number of decimals and a true minus sign, never "-0"; [`MISSING`] if it is
-/// not finite.
+/// With a fixed number of decimals and a true minus sign, never "-0"; or [`MISSING`].
 pub fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return MISSING.to_owned();
@@ -20,8 +19,7 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     }
 }
 
-/// A number with a number of significant digits and a true minus sign: 0.01234 with 3 digits is
-/// 0.0123. [`MISSING`] if it is not finite.
+/// With significant digits and a true minus sign: 0.01234 with 3 is 0.0123; or [`MISSING`].
 pub fn significant(value: f64, digits: usize) -> String {
     if !value.is_finite() || value == 0.0 {
         return fixed(value, 0);
@@ -36,14 +34,8 @@ pub fn significant(value: f64, digits: usize) -> String {
 /// A whole number with thin spaces between groups of three digits: 30 000.
 pub fn grouped(value: usize) -> String {
     let digits = value.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push('\u{202f}');
-        }
-        text.push(digit);
-    }
-    text
+    let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();
+    groups.join("\u{202f}")
 }
 
 /// A duration given in milliseconds, in microseconds below 0.1 ms.

@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 /// Age up to which a result counts.
 const OLDEST: Nanos = Nanos::from_millis(3_600_000);
 
-/// Go or no-go.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Preflight {
     /// Date and time, UTC, for readers.
@@ -30,13 +29,11 @@ fn file(domain: &Domain) -> PathBuf {
 }
 
 impl Preflight {
-    /// Stores the result for the trials of this controller.
     pub fn write(&self, domain: &Domain) -> io::Result<()> {
         crate::files::replace(&file(domain), &serde_json::to_vec(self)?)
     }
 
-    /// Describes the preflight before a trial: a sentence, and whether the result was go and is
-    /// recent.
+    /// A sentence about the preflight before a trial, and whether it was go and is recent.
     pub fn before_trial(domain: &Domain, now: Nanos) -> (String, bool) {
         let text = fs::read(file(domain)).unwrap_or_default();
         let boot_id = Ready::read(domain).map(|ready| ready.boot_id);

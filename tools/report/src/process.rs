@@ -71,7 +71,6 @@ impl Process {
         }
     }
 
-    /// Kills the child at once.
     pub fn kill(mut self) -> Result<(), Failure> {
         self.child.kill()?;
         self.child.wait()?;

@@ -16,9 +16,7 @@ use nix::sys::signal::{SigHandler, Signal, signal};
 use crate::description::Description;
 use crate::{Failure, exit, tips};
 
-/// The only argument of a program that must describe its command line, see [`description`].
-///
-/// [`description`]: crate::description
+/// The only argument of a program that must describe its command line, see [`Description`].
 pub const DESCRIBE: &str = "--describe-command-line";
 /// The first argument of a program that only reads the rest of its command line: nothing runs.
 pub const PARSE: &str = "--parse-command-line";
@@ -32,11 +30,10 @@ pub fn run<Arguments: Parser>(
     only_prints: impl FnOnce(&Arguments) -> bool,
     work: impl FnOnce(Arguments) -> Result<(), Failure>,
 ) -> ExitCode {
-    let mut arguments = std::env::args_os().skip(1);
-    if arguments.next().is_some_and(|first| first == DESCRIBE) && arguments.next().is_none() {
+    let mut words: Vec<_> = std::env::args_os().collect();
+    if words.len() == 2 && words[1] == DESCRIBE {
         return finish(describe(&Arguments::command()));
     }
-    let mut words: Vec<_> = std::env::args_os().collect();
     let only_parses = words.get(1).is_some_and(|first| first == PARSE);
     if only_parses {
         words.remove(1);
@@ -52,8 +49,7 @@ pub fn run<Arguments: Parser>(
     finish(perform(|| work(arguments)))
 }
 
-/// Does the work of a program. If its output cannot be written (a closed terminal, a full disk),
-/// the program ends as after any failure: cleanly, and with a message.
+/// Does the work. If its output cannot be written, it ends cleanly, and with a message.
 pub fn perform(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
     i2ris::process::survive_file_size_limit();
     let usual = take_hook();
@@ -93,8 +89,7 @@ pub fn describe(command: &clap::Command) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Memory limit of a program that shares the computer with the controller, bytes: many times what
-/// it needs.
+/// Memory limit of a program beside the controller, bytes: many times its needs.
 const MEMORY: u64 = 2 << 30;
 
 /// Limits a program that strangers can send to: one forged message must not take the memory of the
@@ -134,8 +129,7 @@ pub struct DomainOption {
 }
 
 impl DomainOption {
-    /// Whether other programs find this domain without the option, where the environment names
-    /// none.
+    /// Whether other programs find this domain without the option and the environment.
     pub fn is_default(&self) -> bool {
         self.domain == "i2ris"
     }
@@ -150,8 +144,7 @@ impl DomainOption {
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Catches SIGINT, SIGTERM and SIGHUP. The second signal ends the program at once with exit
-    /// code 130.
+    /// Catches SIGINT, SIGTERM and SIGHUP. The second one ends the program with exit code 130.
     pub fn catch() -> Result<Self, ctrlc::Error> {
         let flag = Arc::new(AtomicBool::new(false));
         let caught = Arc::clone(&flag);
@@ -163,7 +156,6 @@ impl Interrupt {
         Ok(Self(flag))
     }
 
-    /// Whether a signal has come.
     pub fn came(&self) -> bool {
         self.0.load(Ordering::SeqCst)
     }

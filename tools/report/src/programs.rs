@@ -39,12 +39,10 @@ impl Program {
         })
     }
 
-    /// The last of its words.
     pub fn name(&self) -> &'static str {
         self.words.rsplit(' ').next().unwrap_or(self.words)
     }
 
-    /// One sentence on how to install it.
     pub fn how_to_install(&self) -> String {
         let Self { words, package, .. } = self;
         let name = self.name();
@@ -74,9 +72,6 @@ pub fn find(name: &str) -> Option<PathBuf> {
     let own = env::current_exe().ok();
     let next_to_it = own.as_deref().and_then(Path::parent).map(Path::to_owned);
     let on_path = env::var_os("PATH").unwrap_or_default();
-    next_to_it
-        .into_iter()
-        .chain(env::split_paths(&on_path))
-        .map(|folder| folder.join(&file))
-        .find(|path| path.is_file())
+    let folders = next_to_it.into_iter().chain(env::split_paths(&on_path));
+    folders.map(|folder| folder.join(&file)).find(|path| path.is_file())
 }

@@ -9,7 +9,6 @@ use crate::snake::{Bend, LinkPose, Snake};
 pub const SEPARATOR: &str =
     "================================================================================";
 
-/// Type of a field.
 pub trait Field {
     /// Its name in a definition.
     fn name() -> String;
@@ -23,7 +22,6 @@ pub trait Typed: Field {
     /// Package and name of its type.
     const TYPE: (&'static str, &'static str);
 
-    /// Full name of its type.
     fn full_name() -> String {
         format!("{}/msg/{}", Self::TYPE.0, Self::TYPE.1)
     }

@@ -8,18 +8,15 @@ use std::time::Duration;
 use i2ris::process::console_log::ConsoleLog;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Standard output: a block of lines that is redrawn in place on a terminal, and appended
-/// elsewhere.
+/// A block of lines that is redrawn in place on a terminal, and appended elsewhere.
 #[derive(Debug)]
 pub struct Screen {
     terminal: bool,
     drawn: usize,
-    /// Writes in its own thread.
     log: Option<ConsoleLog>,
 }
 
 impl Screen {
-    /// Standard output.
     pub fn stdout() -> Self {
         Self { terminal: io::stdout().is_terminal(), drawn: 0, log: None }
     }
@@ -30,7 +27,6 @@ impl Screen {
         Ok(Self { log: Some(ConsoleLog::start(io::stdout())?), ..Self::stdout() })
     }
 
-    /// Whether it is a terminal.
     pub fn is_terminal(&self) -> bool {
         self.terminal
     }
@@ -97,8 +93,7 @@ const DELAY: Duration = Duration::from_secs(2);
 /// Time between two frames of the spinner.
 const FRAME: Duration = Duration::from_millis(100);
 
-/// Does the work. If it takes more than two seconds and stderr is a terminal, shows a spinner
-/// there.
+/// Shows a spinner on stderr, if that is a terminal and the work takes more than two seconds.
 pub fn while_working<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
     let (done, is_done) = channel::<()>();
     thread::scope(|scope| {

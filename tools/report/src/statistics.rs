@@ -4,7 +4,6 @@
 //! caller leaves them out. For histograms of durations with a fixed resolution use the crate
 //! `hdrhistogram`.
 
-/// The arithmetic mean.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let (count, sum) =
         values.into_iter().fold((0_usize, 0.0), |(count, sum), value| (count + 1, sum + value));
@@ -88,11 +87,8 @@ pub fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
 pub fn distance_to_segment(point: [f64; 2], from: [f64; 2], to: [f64; 2]) -> f64 {
     let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
     let square = dx * dx + dy * dy;
-    let share = if square > 0.0 {
-        (((point[0] - from[0]) * dx + (point[1] - from[1]) * dy) / square).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
+    let along = (point[0] - from[0]) * dx + (point[1] - from[1]) * dy;
+    let share = if square > 0.0 { (along / square).clamp(0.0, 1.0) } else { 0.0 };
     (point[0] - from[0] - share * dx).hypot(point[1] - from[1] - share * dy)
 }
 
@@ -102,20 +98,13 @@ pub fn interpolate<const N: usize>(from: &[f64; N], to: &[f64; N], share: f64) -
 }
 
 /// A quantity sampled over time, in the order of its stamps.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct TimeSeries<const N: usize> {
     samples: Vec<(u64, [f64; N])>,
 }
 
-impl<const N: usize> Default for TimeSeries<N> {
-    fn default() -> Self {
-        Self { samples: Vec::new() }
-    }
-}
-
 impl<const N: usize> TimeSeries<N> {
-    /// Adds a sample. A sample that is not newer than the last one is dropped: streams repeat their
-    /// last value.
+    /// Drops a sample that is not newer than the last one: streams repeat their last value.
     pub fn push(&mut self, stamp_ns: u64, value: [f64; N]) {
         if self.samples.last().is_none_or(|(last, _)| stamp_ns > *last) {
             self.samples.push((stamp_ns, value));
@@ -140,17 +129,14 @@ impl<const N: usize> TimeSeries<N> {
         self.samples.iter()
     }
 
-    /// A sample by its index.
     pub fn get(&self, index: usize) -> Option<&(u64, [f64; N])> {
         self.samples.get(index)
     }
 
-    /// The newest sample.
     pub fn last(&self) -> Option<&(u64, [f64; N])> {
         self.samples.last()
     }
 
-    /// Whether the series has no samples.
     pub fn is_empty(&self) -> bool {
         self.samples.is_empty()
     }

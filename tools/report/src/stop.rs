@@ -13,7 +13,6 @@ const LOOK: Nanos = Nanos::from_millis(25);
 const POLL_PERIOD: Nanos = Nanos::from_millis(1);
 const SETTLE: Nanos = Nanos::from_millis(1000);
 
-/// Result of a stop.
 #[derive(Debug)]
 pub struct Stopped {
     /// Stopped activities, and the state afterwards.
@@ -22,8 +21,7 @@ pub struct Stopped {
     pub is_known: bool,
 }
 
-/// Holds every client, ends every activity, and waits until nothing moves. The result says whether
-/// drives are off or held by a fault.
+/// Ends every motion and waits until nothing moves. The result says if drives are off.
 pub fn stop(client: &mut Client, domain: &Domain) -> Result<Stopped, ClientError> {
     // Without an answer to this query, the stop is still sent.
     let before = newest(client, LOOK).ok().flatten();

@@ -47,7 +47,6 @@ impl Color {
     }
 }
 
-/// The dash pattern of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Dash {
     #[default]
@@ -58,8 +57,7 @@ pub enum Dash {
 }
 
 impl Dash {
-    /// Dash and gap, in units of the figure. Round ends make a dash longer by the width of the
-    /// line.
+    /// Dash and gap, in units of the figure; round ends make a dash longer.
     pub(crate) fn lengths(self) -> [f64; 2] {
         match self {
             Self::Solid => [1.0, 0.0],
@@ -70,7 +68,6 @@ impl Dash {
     }
 }
 
-/// Color, width and dash pattern of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stroke {
     pub color: Color,
@@ -80,12 +77,10 @@ pub struct Stroke {
 }
 
 impl Stroke {
-    /// A solid line.
     pub const fn new(color: Color, width: f64) -> Self {
         Self { color, width, dash: Dash::Solid }
     }
 
-    /// With a dash pattern.
     pub const fn dash(self, dash: Dash) -> Self {
         Self { dash, ..self }
     }
@@ -95,7 +90,6 @@ impl Stroke {
     }
 }
 
-/// The symbol at a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Marker {
     /// A filled disc.
@@ -131,7 +125,6 @@ impl Marker {
     }
 }
 
-/// Radius of a marker.
 const RADIUS: f64 = 3.0;
 /// Eight corners of a circle: round enough at this size.
 const CIRCLE: [[f64; 2]; 8] = {

@@ -141,10 +141,9 @@ fn the_legend_has_every_label_once() {
 #[test]
 fn empty_panels_are_drawn() {
     let text = everything(&[], "empty").to_string();
-    assert_eq!(
-        elements(&parse(&text), "text").filter(|node| node.text() == Some("(b) empty")).count(),
-        1
-    );
+    let document = parse(&text);
+    let titles = elements(&document, "text").filter(|node| node.text() == Some("(b) empty"));
+    assert_eq!(titles.count(), 1);
 }
 
 fn special() -> impl Strategy<Value = f64> {

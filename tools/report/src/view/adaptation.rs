@@ -2,9 +2,7 @@
 
 use i2ris::core::adaptation::{PARAMETERS, Pauses};
 use i2ris::ipc::payload::AdaptationMsg;
-use serde::Serialize;
-
-use super::json;
+use serde::{Serialize, Serializer};
 
 /// Share of the budget from which it is marked.
 const WARNING: f64 = 0.7;
@@ -14,11 +12,11 @@ const WARNING: f64 = 0.7;
 pub struct Adaptation {
     pub on: bool,
     /// In the order of [`AdaptationMsg`].
-    #[serde(serialize_with = "json::drift")]
+    #[serde(serialize_with = "drift")]
     pub estimate: [f64; PARAMETERS],
-    #[serde(serialize_with = "json::drift")]
+    #[serde(serialize_with = "drift")]
     pub applied: [f64; PARAMETERS],
-    #[serde(serialize_with = "json::drift")]
+    #[serde(serialize_with = "drift")]
     pub budget_used: [f64; PARAMETERS],
     pub total_used: f64,
     /// Whether the motion excites the parameter.
@@ -28,6 +26,11 @@ pub struct Adaptation {
     pub calibrated_error_deg: f64,
     pub adapted_error_deg: f64,
     pub taken_back: u32,
+}
+
+/// Six digits.
+fn drift<S: Serializer>(values: &[f64; PARAMETERS], serializer: S) -> Result<S::Ok, S::Error> {
+    values.map(|value| (1e6 * value).round() / 1e6).serialize(serializer)
 }
 
 /// Camera frames by their use.
@@ -75,31 +78,24 @@ impl Adaptation {
              {first:+.0} {second:+.0} %, slack {slack:+.1} {other:+.1} %, play {play:+.1} \
              {loose:+.1} %, camera {latency:+.0} ms"
         );
-        vec![drift, format!("{}, {}", self.budget(), self.learning())]
-    }
-
-    /// The share of the budget; in capitals from the warning on.
-    fn budget(&self) -> String {
         let used = self.budget_used.iter().copied().fold(self.total_used, f64::max);
-        let name = match used {
+        let budget = match used {
             1.0.. => "BUDGET USED UP",
             WARNING.. => "BUDGET",
             _ => "budget",
         };
-        format!("{name} {:.0} %", 100.0 * used)
-    }
-
-    /// Why learning is paused, or the errors of the windows.
-    fn learning(&self) -> String {
-        let errors = format!(
-            "camera {:.2} deg from the calibrated model, {:.2} deg from the adapted one",
-            self.calibrated_error_deg, self.adapted_error_deg
+        let learning = match self.pauses.join(", ") {
+            pauses if pauses.is_empty() => "learning".to_owned(),
+            pauses => format!("learning paused: {pauses}"),
+        };
+        let state = format!(
+            "{budget} {:.0} %, {learning}; camera {:.2} deg from the calibrated model, {:.2} deg \
+             from the adapted one",
+            100.0 * used,
+            self.calibrated_error_deg,
+            self.adapted_error_deg
         );
-        if self.pauses.is_empty() {
-            format!("learning; {errors}")
-        } else {
-            format!("learning paused: {}; {errors}", self.pauses.join(", "))
-        }
+        vec![drift, state]
     }
 }
 

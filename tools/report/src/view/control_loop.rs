@@ -1,10 +1,11 @@
-//! The control loop as people see it.
+//! The machine as people see it: control loop, motors, failures and losses.
 
-use i2ris::ipc::payload::{PeriodStatistics, SpanSummary};
-use i2ris::units::Nanos;
-use serde::Serialize;
+use i2ris::ipc::Message;
+use i2ris::ipc::payload::{ActuatorState, Health, PeriodStatistics, SpanSummary};
+use i2ris::units::{MAX_MOTORS, Nanos};
+use serde::{Serialize, Serializer};
 
-use super::{Age, json};
+use super::{Age, STALE};
 
 /// Statistics come once a second.
 const STATISTICS_STALE: Nanos = Nanos::from_millis(2500);
@@ -30,12 +31,16 @@ pub struct ControlLoop {
 /// Quantiles of a duration, microseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Span {
-    #[serde(serialize_with = "json::tenth")]
+    #[serde(serialize_with = "tenth")]
     pub p50_us: f64,
-    #[serde(serialize_with = "json::tenth")]
+    #[serde(serialize_with = "tenth")]
     pub p99_us: f64,
-    #[serde(serialize_with = "json::tenth")]
+    #[serde(serialize_with = "tenth")]
     pub max_us: f64,
+}
+
+fn tenth<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64((value * 10.0).round() / 10.0)
 }
 
 impl Span {
@@ -92,4 +97,71 @@ fn granted(message: &PeriodStatistics) -> String {
         cpu => format!("processor {cpu}"),
     };
     format!("{scheduling}, {memory}, {processor}")
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Motor {
+    pub setpoint_counts: i32,
+    pub measured_counts: i32,
+    pub current_ma: i32,
+    pub phase: &'static str,
+    pub bad: bool,
+    pub status: String,
+    pub error: Option<String>,
+    /// Answered requests per second; `None`: not counted yet.
+    pub exchanges_per_s: Option<f64>,
+    /// Age of the encoder position.
+    #[serde(flatten)]
+    pub age: Age,
+}
+
+impl Motor {
+    pub(super) fn all(
+        message: &ActuatorState,
+        rates: Option<[f64; MAX_MOTORS]>,
+        now: Nanos,
+    ) -> Vec<Self> {
+        let is_old = message.age(now) > STALE;
+        let motor = |motor: usize| {
+            let phase = message.phase_text(motor);
+            let read =
+                Some(Nanos(message.measured_stamp_ns[motor])).filter(|it| *it != Nanos::ZERO);
+            let age = read.map(|read| now.duration_since(read));
+            let error = message.error_code[motor];
+            Self {
+                setpoint_counts: message.setpoint_counts[motor],
+                measured_counts: message.measured_counts[motor],
+                current_ma: message.current_ma[motor],
+                phase,
+                bad: matches!(phase, "lost" | "at fault" | "unknown"),
+                status: format!("0x{:04X}", message.statusword[motor]),
+                error: (error != 0).then(|| format!("0x{error:04X}")),
+                exchanges_per_s: rates.map(|rates| rates[motor].round()),
+                age: Age { age, stale: is_old || age.is_none_or(|age| age > STALE) },
+            }
+        };
+        (0..count(message.count)).map(motor).collect()
+    }
+}
+
+pub fn count(count: u32) -> usize {
+    usize::try_from(count).unwrap_or(MAX_MOTORS).min(MAX_MOTORS)
+}
+
+pub(super) fn health(message: &Health) -> String {
+    let sum = |counters: &[u64]| counters.iter().sum::<u64>();
+    let counters = [
+        ("TIMEOUTS", sum(&message.timeouts)),
+        ("CRC ERRORS", sum(&message.crc_errors)),
+        ("RESYNCHRONISATIONS", sum(&message.resynchronisations)),
+        ("RETRIES", sum(&message.retries)),
+        ("SHARED-MEMORY FAILURES", message.ipc_failures),
+        ("LOST EVENTS", message.lost_events),
+        ("LOST MESSAGES", message.lost_reports),
+        ("LOST RECORDS", message.lost_records),
+        ("LOST REPLIES", message.lost_replies),
+    ];
+    let found = counters.iter().filter(|(_, count)| *count > 0);
+    let found: Vec<String> = found.map(|(name, count)| format!("{name} {count}")).collect();
+    if found.is_empty() { "no errors, nothing lost".to_owned() } else { found.join(", ") }
 }

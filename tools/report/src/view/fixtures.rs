@@ -1,20 +1,26 @@
-//! The virtual fixtures with their outlines in the plane of pitch and yaw, and the target of a
-//! reach-and-hold task.
+//! The virtual fixtures with their outlines in the plane of pitch and yaw; the distance of the tip
+//! to one, or to the edge of the calibrated range of the model, for a sound or a pulse. Never a
+//! command.
 
 use std::f64::consts::TAU;
 
-use i2ris::ipc::payload::{FIXTURES, ReachTarget, VirtualFixturesMsg, unpadded_text};
-use i2ris::ipc::{FixtureKind, Message};
+use i2ris::ipc::FixtureKind;
+use i2ris::ipc::payload::{FIXTURES, VirtualFixturesMsg, unpadded_text};
 use i2ris::units::Nanos;
 use serde::Serialize;
 
-use super::json;
+use super::{View, short};
+use crate::statistics::distance_to_segment;
 
 const CIRCLE_POINTS: u32 = 48;
 /// How far the outline of a half-plane reaches, deg: beyond every picture.
 const FAR_DEG: f64 = 180.0;
-/// Age at which a task counts as over: its messages come 20 times a second.
-const OVER: Nanos = Nanos::from_millis(1000);
+/// Distance below which it is signalled, deg.
+const NEAR_DEG: f64 = 3.0;
+/// Nearer than this the tip touches, deg.
+const TOUCH_DEG: f64 = 0.1;
+/// Time between two beats, s: at [`NEAR_DEG`], and at contact.
+const BEATS_S: [f64; 2] = [1.0, 0.1];
 
 /// A region that the tip may not enter.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -60,50 +66,77 @@ fn outline(kind: FixtureKind, values: &[f64; 17]) -> Option<Vec<[f64; 2]>> {
         }
         FixtureKind::Ball | FixtureKind::HalfSpace | FixtureKind::None => return None,
     };
-    Some(points.into_iter().map(|point| point.map(json::short)).collect())
+    Some(points.into_iter().map(|point| point.map(short)).collect())
 }
 
-/// The target that the operator must reach.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Target {
-    pub deg: [f64; 2],
-    pub tolerance_deg: f64,
-    pub number: u32,
-    pub total: u32,
-    pub hold_s: f64,
-    pub held_s: f64,
-    /// The target must be followed for `hold_s`, of which `held_s` have passed.
-    pub follow: bool,
-    /// Pose compared with the target: `camera` or `estimate`.
-    pub by: &'static str,
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Near {
+    Fixture,
+    Hull,
 }
 
-impl Target {
-    /// `None`: there is no target any more.
-    pub(super) fn new(message: &ReachTarget, now: Nanos) -> Option<Self> {
-        let is_last = message.flags & ReachTarget::ENDED != 0 && message.number >= message.total;
-        if is_last || message.age(now) > OVER {
-            return None;
-        }
-        let by_camera = message.flags & ReachTarget::BY_CAMERA != 0;
-        Some(Self {
-            deg: [message.position[0].to_degrees(), message.position[1].to_degrees()],
-            tolerance_deg: message.tolerance.to_degrees(),
-            number: message.number,
-            total: message.total,
-            hold_s: Nanos(message.hold_ns).as_seconds(),
-            held_s: Nanos(message.held_ns.min(message.hold_ns)).as_seconds(),
-            follow: message.flags & ReachTarget::FOLLOW != 0,
-            by: if by_camera { "camera" } else { "estimate" },
-        })
+/// The nearest boundary and its distance.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Cue {
+    pub kind: Near,
+    pub deg: f64,
+    pub touches: bool,
+    /// Time between two beats, s.
+    pub beat_s: f64,
+}
+
+impl Cue {
+    fn new((kind, deg): (Near, f64)) -> Self {
+        let [slow, fast] = BEATS_S;
+        let touches = deg < TOUCH_DEG;
+        let share = if touches { 0.0 } else { deg / NEAR_DEG };
+        let beat_s = short(fast + (slow - fast) * share);
+        Self { kind, deg: short(deg), touches, beat_s }
     }
+
+    pub fn beat(&self) -> Nanos {
+        Nanos((1e9 * self.beat_s) as u64)
+    }
+}
+
+impl View {
+    /// The nearest boundary; `None`: nothing is near, or the angles are not known. `hull`: the edge
+    /// of the model's hull, pitch and yaw in degrees, closed; empty if it is not known.
+    pub fn cue(&self, hull: &[[f64; 2]]) -> Option<Cue> {
+        let tip = self.estimate?.fresh()?;
+        let fixtures = self.fixtures.iter().filter(|fixture| fixture.active);
+        let outlines = fixtures.filter_map(|fixture| fixture.outline.as_deref());
+        let mut near: Vec<(Near, f64)> =
+            outlines.map(|outline| (Near::Fixture, to_edge(tip, outline))).collect();
+        if hull.len() > 2 {
+            near.push((Near::Hull, to_edge(tip, hull)));
+        }
+        // Backlash and load keep the tip away from a limit that holds the goal.
+        let state = self.state.as_ref().filter(|state| !state.age.stale);
+        near.extend(state.filter(|state| state.clipped).map(|_| (Near::Hull, 0.0)));
+        near.extend(state.filter(|state| state.at_fixture).map(|_| (Near::Fixture, 0.0)));
+        let nearest = near.into_iter().min_by(|(_, a), (_, b)| a.total_cmp(b));
+        nearest.filter(|(_, deg)| *deg <= NEAR_DEG).map(Cue::new)
+    }
+}
+
+/// Distance of a point from the edge of a closed outline.
+fn to_edge(point: [f64; 2], outline: &[[f64; 2]]) -> f64 {
+    let next = outline.iter().cycle().skip(1);
+    let sides = outline.iter().zip(next);
+    let distances = sides.map(|(from, to)| distance_to_segment(point, *from, *to));
+    distances.fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]
 mod tests {
-    use i2ris::ipc::payload::padded_text;
+    use i2ris::ipc::payload::{OperatingStateMsg, padded_text};
 
+    use super::super::{Age, LatestMessages, Pose};
     use super::*;
+
+    const HULL: [[f64; 2]; 4] = [[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]];
 
     #[test]
     fn regions_have_a_name_and_an_outline_in_degrees() {
@@ -121,24 +154,35 @@ mod tests {
         assert!(retina.outline.is_none());
     }
 
+    fn at(deg: [f64; 2], stale: bool) -> View {
+        let age = Age { age: Some(Nanos::ZERO), stale };
+        let estimate = Pose { deg: Some(deg), deviation_deg: None, is_position: false, age };
+        View { estimate: Some(estimate), ..View::default() }
+    }
+
     #[test]
-    fn a_target_is_shown_until_the_task_is_over() {
-        let now = Nanos::from_millis(5000);
-        let message = ReachTarget {
-            stamp_ns: now.0,
-            position: [0.1, -0.2, 0.0],
-            number: 2,
-            total: 2,
-            held_ns: 500_000_000,
-            hold_ns: 1_000_000_000,
-            ..ReachTarget::default()
-        };
-        let target = Target::new(&message, now).unwrap();
-        assert_eq!((target.number, target.held_s, target.by), (2, 0.5, "estimate"));
-        assert!((target.deg[1] + 11.459).abs() < 1e-3);
-        let ended = ReachTarget { flags: ReachTarget::ENDED | ReachTarget::HELD, ..message };
-        assert_eq!(Target::new(&ended, now), None);
-        assert!(Target::new(&ReachTarget { number: 1, ..ended }, now).is_some());
-        assert_eq!(Target::new(&message, now + Nanos::from_millis(1001)), None);
+    fn the_nearest_edge_counts_from_inside_and_outside() {
+        let near = |deg| at(deg, false).cue(&HULL).map(|cue| (cue.kind, cue.deg, cue.beat_s));
+        assert_eq!(near([0.0, 9.0]), Some((Near::Hull, 1.0, 0.4)));
+        assert_eq!(near([-13.0, 14.0]), None, "5 deg from the corner");
+        assert_eq!(near([-10.0, 12.5]), Some((Near::Hull, 2.5, 0.85)));
+        assert_eq!(near([9.95, 3.0]), Some((Near::Hull, 0.05, 0.1)));
+        assert_eq!(at([0.0, 9.0], true).cue(&HULL), None, "a stale pose gives no cue");
+        assert_eq!(at([0.0, 9.0], false).cue(&[]), None, "no hull is known");
+    }
+
+    #[test]
+    fn inactive_fixture_is_silent_and_limiting_fixture_touches() {
+        let outline = Some(vec![[0.0, 4.0], [1.0, 4.0], [1.0, 5.0]]);
+        let fixture = Fixture { name: "lens".into(), text: "lens".into(), active: true, outline };
+        let mut view = View { fixtures: vec![fixture], ..at([0.5, 2.0], false) };
+        assert_eq!(view.cue(&HULL).map(|cue| (cue.kind, cue.deg)), Some((Near::Fixture, 2.0)));
+        view.fixtures[0].active = false;
+        assert_eq!(view.cue(&HULL), None);
+        let held =
+            OperatingStateMsg { flags: OperatingStateMsg::FIXTURE, ..OperatingStateMsg::default() };
+        let messages = LatestMessages { state: Some(held), ..LatestMessages::default() };
+        view.state = View::new(&messages, Nanos::ZERO).state;
+        assert!(view.cue(&HULL).is_some_and(|cue| cue.touches && cue.kind == Near::Fixture));
     }
 }

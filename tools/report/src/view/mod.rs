@@ -6,12 +6,9 @@
 
 mod adaptation;
 mod control_loop;
-mod cue;
 mod fixtures;
-mod hand;
-mod json;
+mod operator;
 mod reasons;
-mod trial;
 
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
@@ -20,15 +17,13 @@ use i2ris::ipc::payload::{
 use i2ris::ipc::{Fault, MaskedClientId, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::{MAX_MOTORS, Nanos};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 pub use adaptation::Adaptation;
-pub use control_loop::{ControlLoop, Span};
-pub use cue::{Cue, Near};
-pub use fixtures::{Fixture, Target};
-pub use hand::Hand;
+pub use control_loop::{ControlLoop, Motor, Span, count};
+pub use fixtures::{Cue, Fixture, Near};
+pub use operator::{Hand, Target, Trial};
 pub use reasons::{NOTHING, Why, reasons};
-pub use trial::Trial;
 
 /// Age at which a value is marked as stale.
 pub const STALE: Nanos = Nanos::from_millis(500);
@@ -58,7 +53,6 @@ pub struct LatestMessages {
     /// State of the operator's input device.
     pub hand: Option<TeleopMsg>,
     pub trial: Option<TrialMsg>,
-    /// The last fault.
     pub error: Option<ReasonMsg>,
     /// The last refusal, stop or clip.
     pub warning: Option<ReasonMsg>,
@@ -70,20 +64,17 @@ impl LatestMessages {
     /// Whether there is a message of every stream that a controller always publishes.
     pub fn is_complete(&self) -> bool {
         let Self { state, measured, actuators, statistics, exchange_rates, .. } = self;
-        let all =
-            state.is_some() && measured.is_some() && actuators.is_some() && statistics.is_some();
-        all && exchange_rates.is_some()
+        let loop_is_seen = actuators.is_some() && statistics.is_some() && exchange_rates.is_some();
+        state.is_some() && measured.is_some() && loop_is_seen
     }
 }
 
-/// The robot as shown to people.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct View {
     /// Why the controller is not reachable, if it is not.
     pub problem: Option<String>,
     pub state: Option<State>,
-    /// Reasons why the robot does not move now, the most important first; then recent refusals and
-    /// clips.
+    /// Why the robot does not move now, most important first; then recent refusals and clips.
     pub why: Vec<Why>,
     pub goal: Option<Pose>,
     pub setpoint: Option<Pose>,
@@ -106,11 +97,10 @@ pub struct View {
     pub events: Vec<Event>,
 }
 
-/// How old a value is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Age {
     /// `None`: there never was a value.
-    #[serde(rename = "age_ms", serialize_with = "json::milliseconds")]
+    #[serde(rename = "age_ms", serialize_with = "milliseconds")]
     pub age: Option<Nanos>,
     pub stale: bool,
 }
@@ -129,7 +119,6 @@ impl Age {
     }
 }
 
-/// The state of the controller.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct State {
     pub name: &'static str,
@@ -161,14 +150,13 @@ pub struct State {
     pub age: Age,
 }
 
-/// Angles of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Pose {
     /// `None`: they mean nothing, or are a position instead.
-    #[serde(serialize_with = "json::pair")]
+    #[serde(serialize_with = "short_pair")]
     pub deg: Pair,
     /// Standard deviation.
-    #[serde(serialize_with = "json::pair")]
+    #[serde(serialize_with = "short_pair")]
     pub deviation_deg: Pair,
     /// The model gives a position, not angles.
     pub is_position: bool,
@@ -177,28 +165,9 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The angles, while they are fresh.
     pub fn fresh(&self) -> Pair {
         self.deg.filter(|_| !self.age.stale)
     }
-}
-
-/// A motor and its drive.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Motor {
-    pub setpoint_counts: i32,
-    pub measured_counts: i32,
-    pub current_ma: i32,
-    pub phase: &'static str,
-    /// The drive does not do what it should.
-    pub bad: bool,
-    pub status: String,
-    pub error: Option<String>,
-    /// Answered requests per second; `None`: not counted yet.
-    pub exchanges_per_s: Option<f64>,
-    /// Age of the encoder position.
-    #[serde(flatten)]
-    pub age: Age,
 }
 
 /// The loaded models, as far as they are known.
@@ -250,7 +219,6 @@ pub struct Event {
 impl View {
     /// Builds the view from the messages. Only the monitor knows models and events.
     pub fn new(messages: &LatestMessages, now: Nanos) -> Self {
-        let LatestMessages { trial, .. } = messages;
         let warning = messages.warning.filter(|it| it.age(now) < WARNING_SHOWN);
         Self {
             state: messages.state.as_ref().map(|it| state(it, now)),
@@ -259,14 +227,14 @@ impl View {
             setpoint: messages.setpoint.as_ref().map(|it| pose(it, now)),
             estimate: messages.measured.as_ref().map(|it| pose(it, now)),
             camera: messages.camera.as_ref().map(|it| seen(it, now)),
-            motors: messages.actuators.as_ref().map(|it| motors(it, messages.exchange_rates, now)),
+            motors: messages.actuators.map(|it| Motor::all(&it, messages.exchange_rates, now)),
             jaw: messages.jaw.as_ref().map(|it| jaw(it, now)),
             control_loop: messages.statistics.as_ref().map(|it| ControlLoop::new(it, now)),
-            health: messages.health.as_ref().map(health),
+            health: messages.health.as_ref().map(control_loop::health),
             adaptation: messages.adaptation.as_ref().map(Adaptation::new),
             fixtures: messages.fixtures.as_ref().map_or_else(Vec::new, fixtures::fixtures),
             hand: messages.hand.as_ref().and_then(|it| Hand::new(it, now)),
-            trial: trial.as_ref().and_then(|it| Trial::new(it, now)),
+            trial: messages.trial.as_ref().and_then(|it| Trial::new(it, now)),
             target: messages.target.as_ref().and_then(|it| Target::new(it, now)),
             ..Self::default()
         }
@@ -278,7 +246,8 @@ fn state(message: &OperatingStateMsg, now: Nanos) -> State {
     let last = Refusal::from_number(message.last_refusal).filter(|it| *it != Refusal::None);
     let is_fault = message.state == OperatingState::Fault.number();
     State {
-        name: state_name(message),
+        name: OperatingState::from_number(message.state)
+            .map_or("UNKNOWN STATE", OperatingState::text),
         fault: Fault::from_number(message.fault).filter(|_| is_fault).map(Fault::text),
         for_s: message.stamp().duration_since(Nanos(message.since_ns)).as_seconds().round(),
         homed: has(OperatingStateMsg::HOMED),
@@ -301,76 +270,29 @@ fn state(message: &OperatingStateMsg, now: Nanos) -> State {
     }
 }
 
+fn plain_pose(message: &impl Message, deg: Pair, now: Nanos) -> Pose {
+    Pose { deg, deviation_deg: None, is_position: false, age: Age::of(message, now, STALE) }
+}
+
 fn pose(joint: &JointState, now: Nanos) -> Pose {
     let deg = angles(joint);
     let deviation = [joint.deviation[0].to_degrees(), joint.deviation[1].to_degrees()];
     Pose {
-        deg,
         deviation_deg: deg.map(|_| deviation),
         is_position: joint.count == 3,
-        age: Age::of(joint, now, STALE),
+        ..plain_pose(joint, deg, now)
     }
 }
 
 fn jaw(joint: &JointState, now: Nanos) -> Pose {
     let is_valid = joint.flags & JointState::VALID != 0;
-    let deg = is_valid.then_some([joint.position[0].to_degrees(), 0.0]);
-    Pose { deg, deviation_deg: None, is_position: false, age: Age::of(joint, now, STALE) }
+    plain_pose(joint, is_valid.then_some([joint.position[0].to_degrees(), 0.0]), now)
 }
 
 fn seen(camera: &ExternalPosition, now: Nanos) -> Pose {
     let is_valid = camera.flags & ExternalPosition::VALID != 0 && camera.count == 2;
     let deg = [camera.position[0].to_degrees(), camera.position[1].to_degrees()];
-    Pose {
-        deg: is_valid.then_some(deg),
-        deviation_deg: None,
-        is_position: false,
-        age: Age::of(camera, now, STALE),
-    }
-}
-
-fn motors(message: &ActuatorState, rates: Option<[f64; MAX_MOTORS]>, now: Nanos) -> Vec<Motor> {
-    let is_old = message.age(now) > STALE;
-    let motor = |motor: usize| {
-        let phase = message.phase_text(motor);
-        let read = Some(Nanos(message.measured_stamp_ns[motor])).filter(|it| *it != Nanos::ZERO);
-        let age = read.map(|read| now.duration_since(read));
-        let error = message.error_code[motor];
-        Motor {
-            setpoint_counts: message.setpoint_counts[motor],
-            measured_counts: message.measured_counts[motor],
-            current_ma: message.current_ma[motor],
-            phase,
-            bad: matches!(phase, "lost" | "at fault" | "unknown"),
-            status: format!("0x{:04X}", message.statusword[motor]),
-            error: (error != 0).then(|| format!("0x{error:04X}")),
-            exchanges_per_s: rates.map(|rates| rates[motor].round()),
-            age: Age { age, stale: is_old || age.is_none_or(|age| age > STALE) },
-        }
-    };
-    (0..count(message.count)).map(motor).collect()
-}
-
-fn health(message: &Health) -> String {
-    let sum = |counters: &[u64]| counters.iter().sum::<u64>();
-    let counters = [
-        ("TIMEOUTS", sum(&message.timeouts)),
-        ("CRC ERRORS", sum(&message.crc_errors)),
-        ("RESYNCHRONISATIONS", sum(&message.resynchronisations)),
-        ("RETRIES", sum(&message.retries)),
-        ("SHARED-MEMORY FAILURES", message.ipc_failures),
-        ("LOST EVENTS", message.lost_events),
-        ("LOST MESSAGES", message.lost_reports),
-        ("LOST RECORDS", message.lost_records),
-        ("LOST REPLIES", message.lost_replies),
-    ];
-    let found = counters.iter().filter(|(_, count)| *count > 0);
-    let found: Vec<String> = found.map(|(name, count)| format!("{name} {count}")).collect();
-    if found.is_empty() { "no errors, nothing lost".to_owned() } else { found.join(", ") }
-}
-
-pub fn state_name(state: &OperatingStateMsg) -> &'static str {
-    OperatingState::from_number(state.state).map_or("UNKNOWN STATE", OperatingState::text)
+    plain_pose(camera, is_valid.then_some(deg), now)
 }
 
 /// The beginning of a model's identity: enough to distinguish models.
@@ -384,7 +306,15 @@ pub fn angles(joint: &JointState) -> Pair {
         .then(|| [joint.position[0].to_degrees(), joint.position[1].to_degrees()])
 }
 
-/// How many motors there are.
-pub fn count(count: u32) -> usize {
-    usize::try_from(count).unwrap_or(MAX_MOTORS).min(MAX_MOTORS)
+/// Three digits.
+fn short(value: f64) -> f64 {
+    (value * 1000.0).round() / 1000.0
+}
+
+fn short_pair<S: Serializer>(pair: &Pair, serializer: S) -> Result<S::Ok, S::Error> {
+    pair.map(|pair| pair.map(short)).serialize(serializer)
+}
+
+fn milliseconds<S: Serializer>(age: &Option<Nanos>, serializer: S) -> Result<S::Ok, S::Error> {
+    age.map(|age| age.0 / 1_000_000).serialize(serializer)
 }

@@ -9,19 +9,15 @@ use serde::Serialize;
 
 use super::{Hand, LatestMessages, STALE, Trial};
 
-/// Text shown if there is no reason.
 pub const NOTHING: &str = "nothing keeps the robot from moving: it waits for commands";
 
-/// A reason with its advice.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Why {
     /// `fault 3`, `refusal 9`, ...; empty for a reason of a later release.
     pub code: String,
-    /// Meaning.
     pub sentence: String,
     /// Measured value and limit; empty where they are not known.
     pub measured: String,
-    /// Recommended action.
     pub advice: String,
     /// Age of a refusal, stop or clip; `None`: it keeps the robot from moving now.
     pub age_s: Option<f64>,
@@ -39,9 +35,7 @@ impl Why {
         Self {
             code: reason.cause.to_string(),
             sentence: reason.cause.sentence().to_owned(),
-            measured: reason
-                .measurement
-                .map_or_else(String::new, |measurement| measurement.to_string()),
+            measured: reason.measurement.map_or_else(String::new, |it| it.to_string()),
             advice: reason.cause.advice().to_owned(),
             age_s,
             text: reason.text(),
@@ -49,8 +43,7 @@ impl Why {
     }
 }
 
-/// The reasons why the robot does not move now, then the last warning of every cause, newest first.
-/// `warnings` are in order of arrival.
+/// Present reasons, then the last one of every cause in `warnings`, which are by arrival.
 pub fn reasons(messages: &LatestMessages, warnings: &[ReasonMsg], now: Nanos) -> Vec<Why> {
     let LatestMessages { state: Some(state), error, hand, trial, .. } = messages else {
         return Vec::new();
@@ -134,19 +127,18 @@ fn silent_camera(messages: &LatestMessages, now: Nanos) -> Option<Why> {
         let text = "the camera is silent: the pose is not checked, and drift is not corrected";
         let advice = "check its cable, and restart `i2ris vision`";
         let age_s = Some(age.unwrap_or(STALE).as_seconds());
-        let (sentence, text, advice) = (text.to_owned(), text.to_owned(), advice.to_owned());
-        Why { sentence, text, advice, age_s, ..Why::default() }
+        let (text, advice) = (text.to_owned(), advice.to_owned());
+        Why { sentence: text.clone(), text, advice, age_s, ..Why::default() }
     })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use i2ris::ipc::payload::{
-        ActuatorState, AdaptationMsg, ExternalPosition, OperatingStateMsg, TeleopMsg,
-    };
+    use i2ris::ipc::payload::{ActuatorState, AdaptationMsg, ExternalPosition, TeleopMsg};
     use i2ris::ipc::{Fault, OperatingState, Refusal};
-    use i2ris::robot::{Cause, Measurement, Quantity};
+    use i2ris::robot::{Measurement, Quantity};
+
+    use super::*;
 
     fn all(state: OperatingStateMsg) -> LatestMessages {
         LatestMessages { state: Some(state), ..LatestMessages::default() }
@@ -163,11 +155,6 @@ mod tests {
     fn message(cause: Cause, stamp: u64) -> ReasonMsg {
         let measurement = Some(Measurement::new(Quantity::Counts, stamp as f64, Some(2000.0)));
         ReasonMsg::new(&Reason { cause, measurement }, 0, Nanos::from_millis(stamp))
-    }
-
-    #[test]
-    fn a_robot_that_is_ready_has_no_reason() {
-        assert_eq!(reasons(&all(ready()), &[], Nanos::ZERO), []);
     }
 
     #[test]

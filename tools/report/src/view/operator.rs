@@ -1,16 +1,78 @@
-//! The trial of a study that is being recorded.
+//! The work of an operator: input device of a running `i2ris teleop`, target of a reach-and-hold
+//! task, trial of a study that is being recorded.
 
 use i2ris::ipc::Message;
-use i2ris::ipc::payload::{TrialMsg, unpadded_text};
+use i2ris::ipc::payload::{ReachTarget, TeleopMsg, TrialMsg, unpadded_text};
 use i2ris::units::Nanos;
 use serde::Serialize;
 
-use super::Why;
+use super::{STALE, Why};
 
+/// Age at which a task counts as over: its messages come 20 times a second.
+const OVER: Nanos = Nanos::from_millis(1000);
 /// Age at which the recorder counts as silent; it reports twice a second.
 const SILENT: Nanos = Nanos::from_millis(2000);
 
-/// The running trial.
+/// An input device and its clutch.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Hand {
+    /// Why the snake does not follow; `None`: it does.
+    pub open: Option<String>,
+    /// Share of the motion that reaches the snake.
+    pub scale: f64,
+    /// Where in the picture +pitch and +yaw go, deg counterclockwise from the right.
+    pub directions_deg: [f64; 2],
+}
+
+impl Hand {
+    /// `None`: no input device is in use now.
+    pub(super) fn new(message: &TeleopMsg, now: Nanos) -> Option<Self> {
+        let is_open = message.flags & TeleopMsg::OPEN != 0;
+        let direction = |[right, up]: [f64; 2]| up.atan2(right).to_degrees().round();
+        (message.age(now) <= STALE).then(|| Self {
+            open: is_open.then(|| unpadded_text(&message.why_open)),
+            scale: message.scale,
+            directions_deg: message.view.map(direction),
+        })
+    }
+}
+
+/// The target that the operator must reach.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Target {
+    pub deg: [f64; 2],
+    pub tolerance_deg: f64,
+    pub number: u32,
+    pub total: u32,
+    pub hold_s: f64,
+    pub held_s: f64,
+    /// The target must be followed for `hold_s`, of which `held_s` have passed.
+    pub follow: bool,
+    /// Pose compared with the target: `camera` or `estimate`.
+    pub by: &'static str,
+}
+
+impl Target {
+    /// `None`: there is no target any more.
+    pub(super) fn new(message: &ReachTarget, now: Nanos) -> Option<Self> {
+        let is_last = message.flags & ReachTarget::ENDED != 0 && message.number >= message.total;
+        if is_last || message.age(now) > OVER {
+            return None;
+        }
+        let by_camera = message.flags & ReachTarget::BY_CAMERA != 0;
+        Some(Self {
+            deg: [message.position[0].to_degrees(), message.position[1].to_degrees()],
+            tolerance_deg: message.tolerance.to_degrees(),
+            number: message.number,
+            total: message.total,
+            hold_s: Nanos(message.hold_ns).as_seconds(),
+            held_s: Nanos(message.held_ns.min(message.hold_ns)).as_seconds(),
+            follow: message.flags & ReachTarget::FOLLOW != 0,
+            by: if by_camera { "camera" } else { "estimate" },
+        })
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Trial {
     /// Participant, condition and number.
@@ -44,7 +106,6 @@ impl Trial {
         })
     }
 
-    /// In one line.
     pub fn line(&self) -> String {
         let Self { name, for_s, .. } = self;
         match (self.problem, &self.mark) {
@@ -71,6 +132,27 @@ mod tests {
     use i2ris::ipc::payload::padded_text;
 
     use super::*;
+
+    #[test]
+    fn a_target_is_shown_until_the_task_is_over() {
+        let now = Nanos::from_millis(5000);
+        let message = ReachTarget {
+            stamp_ns: now.0,
+            position: [0.1, -0.2, 0.0],
+            number: 2,
+            total: 2,
+            held_ns: 500_000_000,
+            hold_ns: 1_000_000_000,
+            ..ReachTarget::default()
+        };
+        let target = Target::new(&message, now).unwrap();
+        assert_eq!((target.number, target.held_s, target.by), (2, 0.5, "estimate"));
+        assert!((target.deg[1] + 11.459).abs() < 1e-3);
+        let ended = ReachTarget { flags: ReachTarget::ENDED | ReachTarget::HELD, ..message };
+        assert_eq!(Target::new(&ended, now), None);
+        assert!(Target::new(&ReachTarget { number: 1, ..ended }, now).is_some());
+        assert_eq!(Target::new(&message, now + Nanos::from_millis(1001)), None);
+    }
 
     fn message() -> TrialMsg {
         TrialMsg {
