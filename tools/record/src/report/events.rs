@@ -101,8 +101,7 @@ fn state_changes(before: &OperatingStateMsg, now: &OperatingStateMsg) -> Vec<Des
     changes
 }
 
-/// The stamp and the description of a line of the run log that has more than the streams: causes,
-/// callers, drives.
+/// Stamp and description of a line of the run log that has more than the streams.
 fn logged_event(line: &str) -> Option<(u64, Description)> {
     let entry: Value = serde_json::from_str(line).ok()?;
     let text = |name: &str| entry[name].as_str().unwrap_or_default().to_owned();

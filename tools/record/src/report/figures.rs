@@ -2,7 +2,6 @@
 
 use hdrhistogram::Histogram;
 use i2ris::ipc::payload::{AdaptationMsg, PeriodStatistics};
-use i2ris_report::statistics::TimeSeries;
 use i2ris_report::{Axis, Color, Dash, Figure, Mark, Marker, Panel, Stroke};
 
 use super::TrialReport;
@@ -24,7 +23,6 @@ const DRIFT: [Stroke; 4] = [
     Stroke::new(Color::ORANGE, 1.1),
 ];
 
-/// Height of a panel over time.
 const ROW_HEIGHT: f64 = 190.0;
 
 /// Samples further apart than this are not connected, seconds.
@@ -38,7 +36,6 @@ fn trouble_lines(report: &TrialReport) -> impl Iterator<Item = Mark> {
     report.troubles().map(|event| Mark::vertical(event.t_s, TROUBLE))
 }
 
-/// Goal, estimate and camera over time; below, the error of each.
 pub fn angles(report: &TrialReport) -> Figure {
     let trial = &report.trial;
     let mut figure = Figure::new(
@@ -52,14 +49,15 @@ pub fn angles(report: &TrialReport) -> Figure {
     for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
         let lines = observed.clone().chain([("goal", GOAL, &trial.goal)]);
         let lines = lines.map(|(label, stroke, series)| {
-            Mark::line(with_gaps(&timed(trial, series), axis), stroke).label(label)
+            let points = series.iter().map(|(stamp, value)| (trial.seconds(*stamp), *value));
+            Mark::line(with_gaps(points, axis), stroke).label(label)
         });
         let panel = over_time(report, name, &format!("{name} (deg)")).with_all(lines);
         figure = figure.row(ROW_HEIGHT, vec![panel]);
     }
     for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
         let lines = observed.clone().map(|(_, stroke, series)| {
-            Mark::line(with_gaps(&tracking_errors(trial, series), axis), stroke)
+            Mark::line(with_gaps(tracking_errors(trial, series), axis), stroke)
         });
         let panel = over_time(report, &format!("error in {name}"), "observed − goal (deg)")
             .with(Mark::horizontal(0.0, ZERO))
@@ -69,36 +67,28 @@ pub fn angles(report: &TrialReport) -> Figure {
     figure
 }
 
-/// An empty panel over the time of the trial. It has shaded intervals without following and a line
-/// for every unintended event.
+/// An empty panel with shaded intervals without following and a line for every trouble.
 fn over_time(report: &TrialReport, title: &str, y: &str) -> Panel {
     let shaded = report.trial.intervals_without_following().into_iter().map(|[from, to]| {
-        let interval = Mark::interval(from, to, Color::FAINT);
-        interval.label("not following (off, holding, busy)")
+        Mark::interval(from, to, Color::FAINT).label("not following (off, holding, busy)")
     });
     Panel::new(title, time_axis(&report.trial), Axis::linear(y))
         .with_all(shaded)
         .with_all(trouble_lines(report))
 }
 
-fn timed(trial: &Trial, series: &TimeSeries<2>) -> Vec<TimedError> {
-    series.iter().map(|(stamp, value)| (trial.seconds(*stamp), *value)).collect()
-}
-
-fn with_gaps(points: &[TimedError], axis: usize) -> Vec<[f64; 2]> {
-    let mut line = Vec::with_capacity(points.len());
-    let mut before = f64::NEG_INFINITY;
+fn with_gaps(points: impl IntoIterator<Item = TimedError>, axis: usize) -> Vec<[f64; 2]> {
+    let (mut line, mut before) = (Vec::new(), f64::NEG_INFINITY);
     for (t, values) in points {
         if t - before > LINE_GAP_S {
-            line.push([*t, f64::NAN]);
+            line.push([t, f64::NAN]);
         }
-        line.push([*t, values[axis]]);
-        before = *t;
+        line.push([t, values[axis]]);
+        before = t;
     }
     line
 }
 
-/// Angle over counts with rising and with falling counts; below, the distance from the best plane.
 pub fn loops(loops: &[HysteresisLoop]) -> Figure {
     let panels = |is_distance| loops.iter().map(|found| loop_panel(found, is_distance)).collect();
     Figure::new(
@@ -113,10 +103,9 @@ pub fn loops(loops: &[HysteresisLoop]) -> Figure {
 
 fn loop_panel(found: &HysteresisLoop, is_distance: bool) -> Panel {
     let output = found.output;
-    let (title, y, column) = if is_distance {
-        (format!("{output}, from the plane"), "deg".to_owned(), 2)
-    } else {
-        (output.to_owned(), format!("{output} (deg)"), 1)
+    let (title, y, column) = match is_distance {
+        true => (format!("{output}, from the plane"), "deg".to_owned(), 2),
+        false => (output.to_owned(), format!("{output} (deg)"), 1),
     };
     let points = |rows: &[[f64; 3]]| rows.iter().map(|row| [row[0], row[column]]).collect();
     Panel::new(title, Axis::linear("counts along the direction"), Axis::linear(y))
@@ -145,10 +134,8 @@ pub fn latencies(report: &TrialReport) -> Figure {
          below, lateness and computing time of the control loop over time.",
     );
     let figure = figure.row(210.0, to_line.into_iter().chain(age).collect());
-    if trial.windows.is_empty() {
-        return figure;
-    }
-    figure.row(230.0, vec![loop_timing(report)])
+    let timing = (!trial.windows.is_empty()).then(|| loop_timing(report));
+    figure.row(230.0, Vec::from_iter(timing))
 }
 
 fn loop_timing(report: &TrialReport) -> Panel {
@@ -208,7 +195,6 @@ const GROUPS: [(&str, &str, &[Curve]); 5] = [
     ("latency of the camera", "estimate (ms)", &[("beyond its stamps", LATENCY, 1000.0)]),
 ];
 
-/// The applied drift correction by parameter; below, the share of the budget.
 pub fn adaptation(trial: &Trial) -> Figure {
     const HEIGHT: f64 = 170.0;
     let line = |stroke, value: &dyn Fn(&AdaptationMsg) -> f64| {

@@ -22,25 +22,20 @@ const GAP_NS: u64 = 20_000_000;
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HysteresisLoop {
-    /// Pitch or yaw.
     pub output: &'static str,
     /// Source of the angles: `camera` or `estimate`.
     pub from: &'static str,
     /// Degrees per count along the direction in which the output changes most.
     pub slope_deg_per_count: f64,
-    /// Height of the falling branch above the rising one, median along the stroke, degrees.
-    /// Positive: the output lags behind the motors.
+    /// Median of falling less rising branch, degrees; positive: the output lags behind the motors.
     pub width_deg: Option<f64>,
-    /// Counts along the direction, angle, distance from the plane; with rising counts, in the order
-    /// of time.
+    /// Counts along the direction, angle, distance from the plane, in the order of time.
     #[serde(skip)]
     pub rising: Vec<[f64; 3]>,
-    /// The same with falling counts.
     #[serde(skip)]
     pub falling: Vec<[f64; 3]>,
 }
 
-/// The loops of pitch and yaw.
 pub fn hysteresis_loops(trial: &Trial) -> Vec<HysteresisLoop> {
     let (from, angles) = trial.observed();
     let mut loops = Vec::new();

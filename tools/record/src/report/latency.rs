@@ -12,7 +12,6 @@ const MAX_LATENCY_NS: u64 = 10_000_000_000;
 /// Bins of a histogram per factor of ten.
 const BINS_PER_DECADE: f64 = 20.0;
 
-/// Latencies of a trial, of both motors.
 #[derive(Debug)]
 pub struct Latencies {
     /// Time from the stamp of a command until its setpoint was passed to the serial line, ns.
@@ -32,7 +31,6 @@ impl Default for Latencies {
 }
 
 impl Latencies {
-    /// Adds the motors of one tick.
     pub fn add(&mut self, state: &ActuatorState) {
         for motor in 0..(state.count as usize).min(MAX_MOTORS) {
             let measured = state.measured_stamp_ns[motor];

@@ -4,8 +4,7 @@
 //! | file | contains |
 //! |---|---|
 //! | `trial` | the data of a recording, read once; when the robot followed commands |
-//! | `tracking` | tracking error by the model's estimate and by the camera |
-//! | `out_of_reach` | requested against reached pose: commands out of reach |
+//! | `tracking` | tracking error by the model's estimate and by the camera; commands out of reach |
 //! | `reaches` | point-to-point motion and reach-and-hold tasks: time, overshoot, detour |
 //! | `pursuit` | targets to follow: error and lag |
 //! | `hysteresis` | counts against angle, width of the loop |
@@ -19,7 +18,6 @@ mod events;
 mod figures;
 mod hysteresis;
 mod latency;
-mod out_of_reach;
 mod page;
 mod pursuit;
 mod reaches;
@@ -36,18 +34,16 @@ use crate::read::ReadError;
 use events::{TrialEvent, trial_events};
 use hysteresis::{HysteresisLoop, hysteresis_loops};
 use latency::{LoopTiming, Percentiles, loop_timing};
-use out_of_reach::{OutOfReach, out_of_reach};
 pub(crate) use pursuit::Pursuit;
 use pursuit::pursuits;
 pub(crate) use reaches::TargetReach;
 use reaches::{ReachScore, TargetScore, reach_score, target_score};
-use tracking::{TrackingError, tracking_errors, tracking_statistics};
+use tracking::{OutOfReach, TrackingError, out_of_reach, tracking_errors, tracking_statistics};
 pub(crate) use trial::Trial;
 
 /// The report of a trial. As JSON it has the numbers without the series.
 #[derive(Debug, Serialize)]
 pub struct TrialReport {
-    /// Name of the recording's file.
     pub file: String,
     /// Date and time of the start, UTC.
     pub recorded: Option<String>,
@@ -58,21 +54,17 @@ pub struct TrialReport {
     pub about: BTreeMap<String, String>,
     /// Metadata from the end of the recording.
     pub outcome: BTreeMap<String, String>,
-    /// Attached files and their bytes.
     pub attached: BTreeMap<String, usize>,
     pub streams: Vec<StreamCount>,
     /// Motion scale from hand to snake, and number of virtual fixtures.
     pub scale: Option<f64>,
     pub fixtures: Option<u32>,
-    /// Error by the camera.
     pub camera: Option<TrackingError>,
     /// Error by the model's estimate from the encoders.
     pub estimate: Option<TrackingError>,
-    /// Requested poses that the robot could not reach.
     pub out_of_reach: Option<OutOfReach>,
     pub reaches: Option<ReachScore>,
     pub targets: Option<TargetScore>,
-    /// Scores of the targets to follow.
     pub pursuits: Vec<Pursuit>,
     pub hysteresis: Vec<HysteresisLoop>,
     /// Time from the stamp of a command until its setpoint was passed to the serial line, ms.
@@ -142,17 +134,15 @@ impl TrialReport {
         Some([of(0)?, of(1)?])
     }
 
-    /// The report as text, without figures and long tables.
+    /// Without figures and long tables.
     pub fn text(&self) -> String {
         page::document(self).text(usize::MAX)
     }
 
-    /// The report as an HTML page with figures.
     pub fn html(&self) -> String {
         page::document(self).html()
     }
 
-    /// Events that were not intended.
     fn troubles(&self) -> impl Iterator<Item = &TrialEvent> {
         self.events.iter().filter(|event| event.is_trouble)
     }

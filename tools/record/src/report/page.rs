@@ -1,6 +1,5 @@
 //! The report as a document: what the figures show, in words and tables.
 
-use i2ris::ipc::payload::AdaptationMsg;
 use i2ris_report::number::{fixed, milliseconds};
 use i2ris_report::{Document, Table};
 
@@ -72,11 +71,8 @@ fn notices(report: &TrialReport) -> Vec<String> {
         notices.push(format!("{missing} message(s) of the controller are missing."));
     }
     notices.extend(report.trial.unread().map(|text| format!("{text}.")));
-    if report.trial.is_tip {
-        let tip =
-            "The outputs are positions of the tip, not angles: this report does not draw them.";
-        notices.push(tip.to_owned());
-    }
+    let tip = "The outputs are positions of the tip, not angles: this report does not draw them.";
+    notices.extend(report.trial.is_tip.then(|| tip.to_owned()));
     let troubles = report.troubles().count();
     if troubles > 0 {
         notices.push(format!("{troubles} unintended event(s); see the list."));
@@ -143,15 +139,15 @@ fn write_reaches(page: &mut Document, report: &TrialReport) {
     let Some(score) = &report.reaches else { return };
     page.section("Reaches");
     let arrived = (score.arrived * score.reaches.len() as f64).round();
-    let times = score
-        .arrived_s
-        .map(|[median, p95]| format!(" Time until then: median {median:.2} s, 95 % {p95:.2} s."));
+    let times = score.arrived_s.map_or_else(String::new, |[median, p95]| {
+        format!(" Time until then: median {median:.2} s, 95 % {p95:.2} s.")
+    });
     page.paragraph(format!(
         "{} point-to-point motions by the {}; in {arrived} of them the snake came within \
-         {ARRIVED_DEG} deg of the end and stayed.{} Overshoot: median {:.2} deg, 95 % {:.2} deg.",
+         {ARRIVED_DEG} deg of the end and stayed.{times} Overshoot: median {:.2} deg, 95 % {:.2} \
+         deg.",
         score.reaches.len(),
         score.by,
-        times.unwrap_or_default(),
         score.overshoot_deg[0],
         score.overshoot_deg[1]
     ));
@@ -226,10 +222,6 @@ fn write_adaptation(page: &mut Document, report: &TrialReport) {
         "The applied drift correction, and the share of the budget: a warning at 70 %; at 100 % \
          adaptation stops.",
     );
-    page.facts(adaptation_facts(last));
-}
-
-fn adaptation_facts(last: &AdaptationMsg) -> [(String, String); 3] {
     let dropped: u64 = last.frames_dropped.iter().sum();
     let frames = format!(
         "{} used, {} rejected, {} while adaptation was paused, {dropped} dropped",
@@ -240,11 +232,11 @@ fn adaptation_facts(last: &AdaptationMsg) -> [(String, String); 3] {
         last.calibrated_error.to_degrees(),
         last.adapted_error.to_degrees()
     );
-    [
-        ("frames".to_owned(), frames),
-        ("camera, last window of 10 s".to_owned(), errors),
-        ("reverted".to_owned(), last.taken_back.to_string()),
-    ]
+    page.facts([
+        ("frames", frames),
+        ("camera, last window of 10 s", errors),
+        ("reverted", last.taken_back.to_string()),
+    ]);
 }
 
 fn write_latencies(page: &mut Document, report: &TrialReport) {

@@ -3,7 +3,7 @@
 //! The lag is where the cross-correlation of target and snake, of both axes together, is largest.
 
 use i2ris::ipc::payload::ReachTarget;
-use i2ris_report::statistics::{TimeSeries, mean, root_mean_square};
+use i2ris_report::statistics::{TimeSeries, mean, root_mean_square, variance};
 use serde::Serialize;
 
 use super::trial::{Followed, Trial, distance};
@@ -24,7 +24,6 @@ const MIN_CORRELATION: f64 = 0.5;
 pub struct Pursuit {
     /// Source of the snake's pose: `camera` or `estimate`.
     pub by: &'static str,
-    /// Time at which it was shown, seconds.
     pub t_s: f64,
     pub length_s: f64,
     /// Whether the target moved; one at rest was to be held.
@@ -38,7 +37,6 @@ pub struct Pursuit {
 }
 
 impl Pursuit {
-    /// Returns one line.
     pub fn line(&self) -> String {
         let Self { by, length_s, rms_deg, .. } = self;
         let what = if self.moves { "pursuit" } else { "held still" };
@@ -75,10 +73,8 @@ fn pursuit(
         Some(distance(*at, target))
     });
     let rms_deg = root_mean_square(away)?;
-    let target: Vec<(u64, [f64; 2])> = (from_ns..stamp_ns)
-        .step_by(STEP_NS as usize)
-        .filter_map(|stamp| Some((stamp, followed.curve.value_at(stamp, GAP_NS)?)))
-        .collect();
+    let at = |stamp| Some((stamp, followed.curve.value_at(stamp, GAP_NS)?));
+    let target: Vec<_> = (from_ns..stamp_ns).step_by(STEP_NS as usize).filter_map(at).collect();
     let moves = spread(target.iter().map(|(_, at)| *at)) > RESTS_DEG;
     let late = moves.then(|| lag(&target, snake)).flatten();
     Some(Pursuit {
@@ -94,7 +90,7 @@ fn pursuit(
 
 /// Standard deviation of both axes together.
 fn spread(places: impl Iterator<Item = [f64; 2]> + Clone) -> f64 {
-    let of = |axis: usize| i2ris_report::statistics::variance(places.clone().map(|at| at[axis]));
+    let of = |axis: usize| variance(places.clone().map(|at| at[axis]));
     (of(0).unwrap_or(0.0) + of(1).unwrap_or(0.0)).sqrt()
 }
 
@@ -181,11 +177,8 @@ mod tests {
     fn a_target_that_rests_has_an_error_and_no_lag() {
         let found = followed(0.0, 0.3, 0.0);
         assert!((found.rms_deg - 0.3).abs() < 1e-6 && !found.moves && found.lag_s.is_none());
-        assert!(
-            found.line().starts_with("held still for 20 s: 0.30 deg (RMS)"),
-            "{}",
-            found.line()
-        );
+        let line = found.line();
+        assert!(line.starts_with("held still for 20 s: 0.30 deg (RMS)"), "{line}");
     }
 
     #[test]

@@ -40,8 +40,7 @@ pub struct Reach {
     pub distance_deg: f64,
     /// Time until the goal rested again, seconds.
     pub goal_s: f64,
-    /// Time until the snake was within 0.15 deg of the end, seconds; `None`: it did not come there
-    /// before the next reach.
+    /// Time until the snake was within 0.15 deg of the end, seconds; `None`: it was not.
     pub arrived_s: Option<f64>,
     /// Overshoot of the snake beyond the end, along the line of the reach, degrees.
     pub overshoot_deg: f64,
@@ -55,8 +54,7 @@ pub struct ReachScore {
     pub by: &'static str,
     /// Share of the reaches in which the snake arrived.
     pub arrived: f64,
-    /// Time from the onset until the snake arrived, seconds: median and 95 %, of those that
-    /// arrived.
+    /// Time until the snake arrived, seconds: median and 95 %, of those that arrived.
     pub arrived_s: Option<[f64; 2]>,
     /// Overshoot, degrees: median and 95 %.
     pub overshoot_deg: [f64; 2],
@@ -103,26 +101,21 @@ pub struct TargetScore {
 }
 
 impl TargetScore {
-    /// Returns the score in one line.
     pub fn line(&self) -> String {
+        let times = self.held_s.map_or_else(String::new, |[median, p95]| {
+            format!(", after {median:.2} s (median), {p95:.2} s (95 %)")
+        });
         format!(
-            "{} targets: {:.0} % held for {:.1} s within {:.2} deg by the {}{}; overshoot \
+            "{} targets: {:.0} % held for {:.1} s within {:.2} deg by the {}{times}; overshoot \
              {:.2} deg (95 %)",
             self.targets.len(),
             100.0 * self.held,
             self.hold_s,
             self.tolerance_deg,
             self.by,
-            times(self.held_s),
             self.overshoot_deg[1]
         )
     }
-}
-
-/// The end of a sentence: median and 95 % of times.
-fn times(times: Option<[f64; 2]>) -> String {
-    let Some([median, p95]) = times else { return String::new() };
-    format!(", after {median:.2} s (median), {p95:.2} s (95 %)")
 }
 
 /// Scores the reaches of a trial by the camera, or without one by the model's estimate; `None`:
@@ -131,9 +124,8 @@ pub fn reach_score(trial: &Trial) -> Option<ReachScore> {
     let (by, series) = trial.observed();
     let samples: Vec<Sample> = series.iter().copied().collect();
     let rests = rests(&trial.goal);
-    let pairs = rests.windows(2);
-    let reaches: Vec<Reach> =
-        pairs.filter_map(|pair| reach(trial, &samples, pair[0], pair[1])).collect();
+    let reaches = rests.windows(2).filter_map(|pair| reach(trial, &samples, pair[0], pair[1]));
+    let reaches: Vec<Reach> = reaches.collect();
     let arrived: Vec<f64> = reaches.iter().filter_map(|reach| reach.arrived_s).collect();
     Some(ReachScore {
         by,
@@ -182,27 +174,14 @@ struct Rest {
 }
 
 fn rests(goal: &TimeSeries<2>) -> Vec<Rest> {
-    let mut rests = Vec::new();
-    let mut present: Option<Rest> = None;
-    let mut keep = |rest: Rest| {
-        if rest.to_ns - rest.from_ns >= REST_NS {
-            rests.push(rest);
-        }
-    };
+    let mut rests: Vec<Rest> = Vec::new();
     for (stamp, value) in goal.iter() {
-        match &mut present {
+        match rests.last_mut() {
             Some(rest) if distance(rest.at, *value) <= REST_DEG => rest.to_ns = *stamp,
-            _ => {
-                let next = Rest { from_ns: *stamp, to_ns: *stamp, at: *value };
-                if let Some(rest) = present.replace(next) {
-                    keep(rest);
-                }
-            }
+            _ => rests.push(Rest { from_ns: *stamp, to_ns: *stamp, at: *value }),
         }
     }
-    if let Some(rest) = present {
-        keep(rest);
-    }
+    rests.retain(|rest| rest.to_ns - rest.from_ns >= REST_NS);
     rests
 }
 
@@ -255,19 +234,14 @@ fn overshoot_deg(samples: &[Sample], from: [f64; 2], to: [f64; 2]) -> f64 {
     let direction = [0, 1].map(|axis| (to[axis] - from[axis]) / length);
     let beyond =
         |value: [f64; 2]| (value[0] - to[0]) * direction[0] + (value[1] - to[1]) * direction[1];
-    (0..samples.len())
-        .filter_map(|first| mean(samples, first, OVERSHOOT_NS))
-        .map(beyond)
-        .fold(0.0, f64::max)
+    let means = (0..samples.len()).filter_map(|first| mean(samples, first, OVERSHOOT_NS));
+    means.map(beyond).fold(0.0, f64::max)
 }
 
 /// Length of the path between two stamps.
 fn path_deg(series: &TimeSeries<2>, from_ns: u64, to_ns: u64) -> f64 {
-    let path: Vec<[f64; 2]> = series
-        .iter()
-        .filter(|(stamp, _)| (from_ns..=to_ns).contains(stamp))
-        .map(|(_, value)| *value)
-        .collect();
+    let path = series.iter().filter(|(stamp, _)| (from_ns..=to_ns).contains(stamp));
+    let path: Vec<[f64; 2]> = path.map(|(_, value)| *value).collect();
     path.windows(2).map(|pair| distance(pair[0], pair[1])).sum()
 }
 
@@ -300,18 +274,20 @@ fn mean(samples: &[Sample], first: usize, window_ns: u64) -> Option<[f64; 2]> {
 mod tests {
     use super::*;
 
+    const MS: u64 = 1_000_000;
+
     /// A goal that rests for 1 s, goes 4 deg in 1 s, and rests; a snake that follows with a delay
     /// and goes beyond the end for a while.
     fn trial(delay_ms: u64, beyond_deg: f64) -> Trial {
         let goal = |ms: u64| [4.0 * (ms as f64 * 1e-3 - 1.0).clamp(0.0, 1.0), 1.0];
         let mut trial = Trial::default();
         for ms in 0..5000 {
-            trial.goal.push(ms * 1_000_000, goal(ms));
+            trial.goal.push(ms * MS, goal(ms));
             let mut snake = goal(ms.saturating_sub(delay_ms));
             if (2200..2600).contains(&ms) {
                 snake[0] += beyond_deg;
             }
-            trial.measured.push(ms * 1_000_000, snake);
+            trial.measured.push(ms * MS, snake);
         }
         trial
     }
@@ -337,20 +313,18 @@ mod tests {
         let mut away = trial(0, 0.0);
         away.measured = TimeSeries::default();
         for ms in 0..5000 {
-            away.measured.push(ms * 1_000_000, [3.7, 1.0]);
+            away.measured.push(ms * MS, [3.7, 1.0]);
         }
         let score = reach_score(&away).unwrap();
         assert_eq!((score.arrived, score.reaches[0].arrived_s), (0.0, None));
         assert!(score.arrived_s.is_none());
         let mut still = Trial::default();
         for ms in 0..5000 {
-            still.goal.push(ms * 1_000_000, [1.0 + 1e-4 * ms as f64, 0.0]);
-            still.measured.push(ms * 1_000_000, [1.0, 0.0]);
+            still.goal.push(ms * MS, [1.0 + 1e-4 * ms as f64, 0.0]);
+            still.measured.push(ms * MS, [1.0, 0.0]);
         }
         assert_eq!(reach_score(&still), None);
     }
-
-    const MS: u64 = 1_000_000;
 
     /// A snake that goes 4 deg in the first second, 0.5 deg too far until 1.4 s, and then is at the
     /// target until 2 s; afterwards it is `later_deg` away.

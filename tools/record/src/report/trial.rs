@@ -36,11 +36,9 @@ pub struct Trial {
     pub streams: BTreeMap<Stream, StreamStatistics>,
     /// First stamp of the controller, ns of the monotonic clock.
     pub start_ns: u64,
-    /// Last stamp of the controller.
     pub end_ns: u64,
     /// Unix time minus the clock of the stamps, ns.
     pub unix_offset_ns: Option<u64>,
-    /// The goal, degrees.
     pub goal: TimeSeries<2>,
     /// Stamp and flags of every goal.
     pub goal_flags: Vec<(u64, u32)>,
@@ -52,12 +50,10 @@ pub struct Trial {
     pub measured: TimeSeries<2>,
     /// Angles by the camera, degrees.
     pub camera: TimeSeries<2>,
-    /// Encoder positions.
     pub counts: TimeSeries<2>,
     /// Stamp and id of every model from which estimates came.
     pub models: Vec<(u64, [u8; 32])>,
-    /// Last reported motion scale of a hand, and number of active regions; `None`: no hand, or
-    /// nothing was reported.
+    /// Last motion scale of a hand, and number of active regions, if reported.
     pub scale: Option<f64>,
     pub fixtures: Option<u32>,
     /// Operating states without repetitions.
@@ -67,7 +63,6 @@ pub struct Trial {
     pub adaptation: Vec<AdaptationMsg>,
     /// The targets of reach-and-hold tasks: the last message of each.
     pub targets: Vec<ReachTarget>,
-    /// The targets to follow.
     pub followed: Vec<Followed>,
     pub latencies: Latencies,
     /// Whether outputs are positions of the tip, not angles: the series do not contain them.
@@ -185,13 +180,11 @@ impl Trial {
         self.states[..after].last()
     }
 
-    /// The name of the operating state at an instant.
     pub fn state_at(&self, stamp_ns: u64) -> Option<&'static str> {
         let state = self.last_state(stamp_ns)?;
         OperatingState::from_number(state.state).map(OperatingState::text)
     }
 
-    /// An instant in Unix time, ns.
     pub fn unix_ns(&self, stamp_ns: u64) -> u64 {
         stamp_ns.wrapping_add(self.unix_offset_ns.unwrap_or(0))
     }
@@ -203,7 +196,6 @@ impl Trial {
         Some(WallTime::from_unix_seconds(seconds).to_string())
     }
 
-    /// Seconds since the start.
     pub fn seconds(&self, stamp_ns: u64) -> f64 {
         (i128::from(stamp_ns) - i128::from(self.start_ns)) as f64 * 1e-9
     }
@@ -212,8 +204,7 @@ impl Trial {
         self.end_ns.saturating_sub(self.start_ns) as f64 * 1e-9
     }
 
-    /// Whether the robot followed commands at an instant. A recording without states counts as
-    /// following.
+    /// Whether the robot followed commands; a recording without states counts as following.
     pub fn was_following(&self, stamp_ns: u64) -> bool {
         self.last_state(stamp_ns).map_or(self.states.is_empty(), follows)
     }
@@ -256,9 +247,7 @@ impl Trial {
                 }
                 self.add_angles(&state, |trial| &mut trial.measured);
             }
-            StreamMessage::Setpoint(state) => {
-                self.add_angles(&state, |trial| &mut trial.setpoint);
-            }
+            StreamMessage::Setpoint(state) => self.add_angles(&state, |trial| &mut trial.setpoint),
             StreamMessage::ServoJp(command)
                 if command.count == ANGLES && command.flags & ServoJp::RATE == 0 =>
             {
@@ -297,8 +286,8 @@ impl Trial {
         }
     }
 
-    /// Keeps five of the 50 messages a second: enough to show the drift.
     fn add_adaptation(&mut self, message: AdaptationMsg) {
+        // Five of the 50 messages a second are enough to show the drift.
         const MIN_INTERVAL_NS: u64 = 200_000_000;
         let last = self.adaptation.last().map_or(0, |last| last.stamp_ns);
         let is_on = message.flags & AdaptationMsg::ON != 0;
@@ -308,17 +297,21 @@ impl Trial {
     }
 
     pub fn add_target(&mut self, message: ReachTarget) {
-        if message.flags & ReachTarget::FOLLOW != 0 {
-            match self.followed.last_mut() {
-                Some(last) if last.is(&message) => last.add(message),
-                _ => self.followed.push(Followed::new(message)),
+        let identity = |target: &ReachTarget| (target.client_id, target.shown_ns);
+        let is_same = |last: &ReachTarget| identity(last) == identity(&message);
+        if message.flags & ReachTarget::FOLLOW == 0 {
+            match self.targets.last_mut() {
+                Some(last) if is_same(last) => *last = message,
+                _ => self.targets.push(message),
             }
             return;
         }
-        let identity = |target: &ReachTarget| (target.client_id, target.shown_ns);
-        match self.targets.last_mut() {
-            Some(last) if identity(last) == identity(&message) => *last = message,
-            _ => self.targets.push(message),
+        if !self.followed.last().is_some_and(|followed| is_same(&followed.last)) {
+            self.followed.push(Followed { last: message, curve: TimeSeries::default() });
+        }
+        if let Some(followed) = self.followed.last_mut() {
+            followed.curve.push(message.stamp_ns, degrees(message.position));
+            followed.last = message;
         }
     }
 
@@ -340,7 +333,6 @@ impl Trial {
     }
 }
 
-/// Whether the robot followed commands during this state.
 fn follows(state: &OperatingStateMsg) -> bool {
     let other = OperatingStateMsg::HOLDING | OperatingStateMsg::BUSY;
     state.state == OperatingState::Enabled.number() && state.flags & other == 0
@@ -366,24 +358,6 @@ pub struct Followed {
     pub curve: TimeSeries<2>,
 }
 
-impl Followed {
-    pub fn is(&self, message: &ReachTarget) -> bool {
-        (self.last.client_id, self.last.shown_ns) == (message.client_id, message.shown_ns)
-    }
-
-    pub fn new(message: ReachTarget) -> Self {
-        let mut followed = Self { last: message, curve: TimeSeries::default() };
-        followed.add(message);
-        followed
-    }
-
-    pub fn add(&mut self, message: ReachTarget) {
-        self.curve.push(message.stamp_ns, degrees(message.position));
-        self.last = message;
-    }
-}
-
-/// Distance of two poses.
 pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
