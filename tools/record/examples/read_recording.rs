@@ -8,8 +8,7 @@ use std::error::Error;
 use std::path::Path;
 
 use i2ris::ipc::{Stream, StreamMessage};
-use i2ris_record::messages::cdr;
-use i2ris_record::messages::topic::Topic;
+use i2ris_record::messages::{Topic, cdr};
 use i2ris_record::read::Records;
 use mcap::records::Record;
 

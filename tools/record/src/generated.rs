@@ -20,7 +20,7 @@ pub fn python_reasons() -> String {
          \"\"\"\n\nfrom __future__ import annotations\n\n",
     );
     for (name, kind) in [("FAULTS", 1), ("REFUSALS", 2), ("STOPS", 3), ("CLIPS", 4)] {
-        table(&mut text, name, kind, |cause| cause.sentence());
+        table(&mut text, name, kind);
     }
     text.push_str("#: What to do, by kind (1 fault, 2 refusal, 3 stop, 4 clip) and number.\n");
     text.push_str("ADVICE: dict[tuple[int, int], str] = {\n");
@@ -98,13 +98,13 @@ fn effects(text: &mut String) {
     );
 }
 
-fn table(text: &mut String, name: &str, kind: u32, value: impl Fn(Cause) -> &'static str) {
+fn table(text: &mut String, name: &str, kind: u32) {
     let _ = writeln!(text, "{name}: dict[int, str] = {{");
     if name == "FAULTS" {
         text.push_str("    0: \"none\",\n");
     }
     for cause in Cause::all().filter(|cause| cause.kind() == kind) {
-        let _ = writeln!(text, "    {}: {:?},", cause.number(), value(cause));
+        let _ = writeln!(text, "    {}: {:?},", cause.number(), cause.sentence());
     }
     text.push_str("}\n");
 }

@@ -29,7 +29,6 @@ const HEAD: u64 = 9;
 /// Bytes of a footer with the end of the file.
 const FOOTER: u64 = HEAD + 20 + mcap::MAGIC.len() as u64;
 
-/// Reason why a file cannot be read, or not to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     #[error("cannot read {path}: {source}")]
@@ -74,7 +73,6 @@ impl ReadError {
     }
 }
 
-/// Skipped parts of a file.
 #[derive(Default)]
 struct Damage {
     places: u64,
@@ -106,11 +104,16 @@ fn options() -> LinearReaderOptions {
 }
 
 impl Records {
-    /// Opens a file.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let file =
             File::open(path).map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
-        check_kind(&file, path)?;
+        let mut begin = [0; mcap::MAGIC.len()];
+        // Without seeking, which a pipe does not support. A file truncated within MAGIC passes.
+        if let Ok(count) = file.read_at(&mut begin, 0)
+            && begin.get(..count) != mcap::MAGIC.get(..count)
+        {
+            return Err(ReadError::Kind { path: path.to_owned() });
+        }
         Ok(Self {
             path: path.to_owned(),
             file: BufReader::with_capacity(READ_SIZE, file),
@@ -294,18 +297,6 @@ fn has_its_strings(opcode: u8, body: &[u8]) -> Option<()> {
 fn after_string(from: &[u8]) -> Option<&[u8]> {
     let (length, rest) = from.split_first_chunk()?;
     rest.get(u32::from_le_bytes(*length) as usize..)
-}
-
-/// Rejects a file that does not begin like MCAP. One that is truncated within these bytes passes.
-fn check_kind(file: &File, path: &Path) -> Result<(), ReadError> {
-    let mut begin = [0; mcap::MAGIC.len()];
-    // Without seeking, which a pipe does not support.
-    match file.read_at(&mut begin, 0) {
-        Ok(count) if begin.get(..count) != mcap::MAGIC.get(..count) => {
-            Err(ReadError::Kind { path: path.to_owned() })
-        }
-        _ => Ok(()),
-    }
 }
 
 impl Iterator for Records {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufWriter, Seek, Write};
+use std::io::BufWriter;
 use std::path::Path;
 
 use mcap::records::Record;
@@ -11,7 +11,6 @@ use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 use crate::read::{ReadError, Records};
 use crate::recorder::RecordError;
 
-/// Reason why a file cannot be recovered.
 #[derive(Debug, thiserror::Error)]
 pub enum RecoverError {
     #[error(transparent)]
@@ -49,22 +48,21 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
     copy.to.finish().map_err(write)?;
     if let Some(error @ ReadError::Compressed { .. }) = copy.recovered.stopped_by {
         // A complete file needs no recovery.
-        std::fs::remove_file(to)
-            .map_err(|source| RecordError::Create { path: to.to_owned(), source })?;
+        std::fs::remove_file(to).map_err(create)?;
         return Err(error.into());
     }
     Ok(copy.recovered)
 }
 
-struct FileCopy<W: Write + Seek> {
-    to: Writer<W>,
+struct FileCopy {
+    to: Writer<BufWriter<File>>,
     /// Channel numbers of the new file by those of the old one.
     channels: BTreeMap<u16, u16>,
     schemas: BTreeMap<u16, u16>,
     recovered: Recovered,
 }
 
-impl<W: Write + Seek> FileCopy<W> {
+impl FileCopy {
     fn write(&mut self, record: Record<'_>) -> Result<(), McapError> {
         match record {
             Record::Schema { header, data } => {

@@ -7,7 +7,6 @@ use i2ris::units::MAX_OUTPUTS;
 use crate::messages::cdr::{Number, numbers};
 use crate::report::Trial;
 
-/// One cell.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
     /// Unix time, ns.
@@ -82,8 +81,7 @@ pub fn columns(layout: &PayloadLayout, outputs: &[String]) -> Vec<String> {
     columns
 }
 
-/// The cells of a message, one for every column; `None` if the message has another layout. Instants
-/// are in ns of Unix time.
+/// One cell for every column, instants in ns of Unix time; `None` if the layout differs.
 pub fn cells(
     layout: &PayloadLayout,
     outputs: &[String],
@@ -190,11 +188,6 @@ const GRID_NS: usize = 10_000_000;
 /// Samples further apart than this are not interpolated: a slow camera sends ten a second.
 const GAP_NS: u64 = 110_000_000;
 
-/// Whether there is anything to put into the table for people.
-pub fn has_angles(trial: &Trial) -> bool {
-    trial.angles().iter().any(|(_, series)| !series.is_empty())
-}
-
 /// The columns of the table for people: goal, setpoint, estimate, camera and state on one grid.
 pub fn overview_columns() -> Vec<String> {
     let mut columns = ["time", "t_s", "state"].map(str::to_owned).to_vec();
@@ -206,15 +199,12 @@ pub fn overview_columns() -> Vec<String> {
     columns
 }
 
-/// Rows of that table. Angles are interpolated between samples, and empty without samples nearby.
+/// Angles are interpolated between samples, and empty without samples nearby.
 pub fn overview_rows(trial: &Trial) -> impl Iterator<Item = Vec<Cell>> + '_ {
     (trial.start_ns..=trial.end_ns).step_by(GRID_NS).map(|stamp| {
-        let state = trial.state_at(stamp).unwrap_or_default().to_owned();
-        let mut cells = vec![
-            Cell::Time(trial.unix_ns(stamp)),
-            seconds(stamp, trial.start_ns),
-            Cell::Text(state),
-        ];
+        let state = Cell::Text(trial.state_at(stamp).unwrap_or_default().to_owned());
+        let time = Cell::Time(trial.unix_ns(stamp));
+        let mut cells = vec![time, seconds(stamp, trial.start_ns), state];
         for (_, series) in trial.angles() {
             let angles = series.value_at(stamp, GAP_NS).unwrap_or([f64::NAN; 2]);
             cells.extend(angles.map(|angle| Cell::Number(Number::Float(angle))));

@@ -8,37 +8,29 @@
 //! all angles and the state on one grid. Pictures, if requested, are files in one folder per view,
 //! named by the `t_s` of their exposure.
 //!
-//! | file | contains |
-//! |---|---|
-//! | `columns` | columns of a payload, cells of a message; angles and state on one grid |
-//! | [`extract`] | attachments and commands as files |
-//! | [`source`] | selection of the recordings to export |
-//! | [`staged`] | a folder that is written completely or not at all |
+//! [`extract`] writes what other programs read: attachments, and the commands of each client as a
+//! table for `i2ris command file`. The columns of payloads are in `columns`.
 
 mod columns;
-pub mod extract;
-pub mod source;
-pub mod staged;
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs::{self, File};
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
-use i2ris::ipc::Stream;
-use i2ris::ipc::payload::PayloadLayout;
+use i2ris::ipc::payload::{PayloadLayout, ServoJp};
+use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::wall_clock::WallTime;
 use mcap::records::{MessageHeader, Record};
 
-use crate::messages::standard::DEFAULT_NAMES;
-use crate::messages::topic::Topic;
+use crate::messages::{DEFAULT_NAMES, Topic, cdr};
 use crate::pictures::{self, Picture};
 use crate::read::{ReadError, Records};
 use crate::recorder::{ALIGNMENT, HEADER, JOINTS, OUTCOME};
 use crate::report::Trial;
 use columns::Cell;
 
-/// Error while writing tables.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     #[error(transparent)]
@@ -78,8 +70,7 @@ fn create_folder(path: &Path) -> Result<(), ExportError> {
     fs::create_dir_all(path).map_err(|source| ExportError::Folder { path: path.to_owned(), source })
 }
 
-/// Writes tables into a folder, created if necessary, and pictures if requested. A truncated
-/// recording yields the rows that it has.
+/// Writes tables into a folder, and pictures if requested; of a truncated recording what it has.
 pub fn export(
     recording: &Path,
     folder: &Path,
@@ -104,7 +95,9 @@ pub fn export(
             }
             Record::Channel(channel) if !tables.contains_key(&channel.id) => {
                 if let Some(view) = pictures::view(&channel.topic).filter(|_| with_pictures) {
-                    views.insert(channel.id, picture_folder(folder, view)?);
+                    let path = folder.join("pictures").join(view);
+                    create_folder(&path)?;
+                    views.insert(channel.id, path);
                 } else if let Some(stream) = Topic::payload_stream(&channel.topic) {
                     let table = OpenTable::of_stream(folder, stream, &outputs)?;
                     tables.insert(channel.id, table);
@@ -136,13 +129,6 @@ pub fn export(
     Ok(exported)
 }
 
-/// Creates the folder of a view.
-fn picture_folder(folder: &Path, view: &str) -> Result<PathBuf, ExportError> {
-    let path = folder.join("pictures").join(view);
-    create_folder(&path)?;
-    Ok(path)
-}
-
 /// Writes a picture, named by its exposure. Messages that are not pictures are skipped.
 fn write_picture(view: &Path, start: u64, message: &[u8]) -> Result<(), ExportError> {
     let Some(Picture { unix_ns, jpeg }) = Picture::decode(message) else { return Ok(()) };
@@ -158,7 +144,7 @@ fn joined_table(
     exported: &mut ExportedTables,
 ) -> Result<Option<OpenTable>, ExportError> {
     let trial = Trial::read(recording)?;
-    if !columns::has_angles(&trial) {
+    if trial.angles().iter().all(|(_, series)| series.is_empty()) {
         return Ok(None);
     }
     let layout = Stream::Measured.layout();
@@ -212,10 +198,8 @@ impl OpenTable {
         data: &[u8],
     ) -> Result<bool, ExportError> {
         let times = [header.publish_time, header.log_time];
-        match columns::cells(&self.layout, &self.outputs, start, times, data) {
-            Some(cells) => self.write_row(cells).map(|()| true),
-            None => Ok(false),
-        }
+        let cells = columns::cells(&self.layout, &self.outputs, start, times, data);
+        cells.map_or(Ok(false), |cells| self.write_row(cells).map(|()| true))
     }
 
     fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
@@ -233,4 +217,89 @@ impl OpenTable {
 fn iso(unix_ns: u64) -> String {
     let second = WallTime::from_unix_seconds(unix_ns / 1_000_000_000).to_string();
     format!("{}.{:06}Z", second.trim_end_matches('Z'), unix_ns / 1000 % 1_000_000)
+}
+
+/// Number of angles in a command; models of the tip have three values.
+const ANGLES: u32 = 2;
+
+#[derive(Debug, Default)]
+pub struct Extracted {
+    /// File names with their sizes.
+    pub files: Vec<(String, String)>,
+    /// Reason why the recording cannot be read to its end; `None`: it is complete.
+    pub stopped_by: Option<ReadError>,
+}
+
+/// The commands of one client, in the order of their stamps.
+#[derive(Default)]
+struct Commands {
+    first_ns: u64,
+    last_ns: u64,
+    rows: u64,
+    table: String,
+}
+
+impl Commands {
+    fn add(&mut self, command: &ServoJp) {
+        if self.rows == 0 {
+            (self.first_ns, self.table) = (command.stamp_ns, "t_s,pitch_deg,yaw_deg\n".to_owned());
+        } else if command.stamp_ns <= self.last_ns {
+            return;
+        }
+        (self.last_ns, self.rows) = (command.stamp_ns, self.rows + 1);
+        let seconds = (command.stamp_ns - self.first_ns) as f64 * 1e-9;
+        let [pitch, yaw, _] = command.position.map(f64::to_degrees);
+        // Writing to a string cannot fail.
+        let _ = writeln!(self.table, "{seconds:.6},{pitch:.6},{yaw:.6}");
+    }
+}
+
+/// Writes into a folder, created if necessary; an existing file is an error and stays unchanged.
+/// Commands with an open clutch are skipped: they are displacements of a master, not poses.
+pub fn extract(recording: &Path, folder: &Path) -> Result<Extracted, ExportError> {
+    let mut records = Records::open(recording)?;
+    create_folder(folder)?;
+    let mut extracted = Extracted::default();
+    let (mut channels, mut clients) = (BTreeMap::new(), BTreeMap::<u64, Commands>::new());
+    for record in records.by_ref() {
+        match record {
+            Record::Channel(channel) => {
+                let stream = Topic::payload_stream(&channel.topic);
+                channels.extend(stream.map(|stream| (channel.id, stream)));
+            }
+            Record::Message { header, data } => {
+                let stream = channels.get(&header.channel_id);
+                if let Some(StreamMessage::ServoJp(command)) =
+                    stream.and_then(|stream| cdr::decode(*stream, &data))
+                    && command.count == ANGLES
+                    && command.flags & (ServoJp::CLUTCH | ServoJp::RATE) == 0
+                {
+                    clients.entry(command.client_id).or_default().add(&command);
+                }
+            }
+            Record::Attachment { header, data, .. } => {
+                // Only the last part of a path: nothing is written outside the folder.
+                if let Some(name) = Path::new(&header.name).file_name() {
+                    let name = name.to_string_lossy().into_owned();
+                    write(&folder.join(&name), &data)?;
+                    extracted.files.push((name, format!("{} bytes", data.len())));
+                }
+            }
+            _ => {}
+        }
+    }
+    let mut clients: Vec<Commands> = clients.into_values().collect();
+    clients.sort_by_key(|commands| std::cmp::Reverse(commands.rows));
+    for (number, commands) in (1..).zip(clients) {
+        let name = if number == 1 { String::new() } else { format!("-{number}") };
+        let name = format!("commands{name}.csv");
+        write(&folder.join(&name), commands.table.as_bytes())?;
+        extracted.files.push((name, format!("{} commands", commands.rows)));
+    }
+    extracted.stopped_by = records.stopped_by();
+    Ok(extracted)
+}
+
+fn write(path: &Path, content: &[u8]) -> Result<(), ExportError> {
+    File::create_new(path).and_then(|mut file| file.write_all(content)).map_err(failed(path))
 }

@@ -10,7 +10,7 @@ use i2ris::ipc::{Stream, StreamMessage};
 use serde::{Deserialize, Serialize};
 
 /// Encapsulation header: classic CDR, little endian, no options.
-pub const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
 /// Name of the encoding in MCAP.
 pub const ENCODING: &str = "cdr";
@@ -36,14 +36,10 @@ pub fn decode_standard<'a, M: Deserialize<'a>>(message: &'a [u8]) -> Option<M> {
     cdr_encoding::from_bytes::<M, LittleEndian>(body).ok().map(|(message, _)| message)
 }
 
-/// One number of a payload.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Number {
-    /// An unsigned integer.
     Unsigned(u64),
-    /// `int32`.
     Signed(i32),
-    /// `float64`.
     Float(f64),
 }
 
@@ -59,8 +55,7 @@ impl std::fmt::Display for Number {
     }
 }
 
-/// Decodes every number of a payload in the order of its fields; `None` if it is not such a
-/// message.
+/// Every number of a payload in the order of its fields; `None` if it is not such a message.
 pub fn numbers(layout: &PayloadLayout, message: &[u8]) -> Option<Vec<Number>> {
     let body = message.strip_prefix(&ENCAPSULATION)?.get(..layout.size)?;
     let mut numbers = Vec::new();

@@ -14,8 +14,7 @@ use i2ris_report::statistics::TimeSeries;
 use mcap::records::Record;
 
 use super::latency::Latencies;
-use crate::messages::cdr;
-use crate::messages::topic::Topic;
+use crate::messages::{Topic, cdr};
 use crate::read::{ReadError, Records};
 use crate::recorder::{HEADER, OUTCOME, rate_hz};
 

@@ -16,7 +16,7 @@ use rand_pcg::Pcg64;
 use serde::Serialize;
 
 use super::journal::{Outcome, TrialState};
-use super::workload::Workload;
+use super::participant::Workload;
 use super::{Study, StudyError};
 use crate::report::{Pursuit, TargetReach, TrialReport};
 
@@ -30,87 +30,62 @@ const MIN_PARTICIPANTS: usize = 8;
 const MIN_TARGETS: usize = 5;
 
 /// A compared measure: one number per trial.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Measure {
-    /// Share of the targets that were held.
-    Held,
-    /// Mean time until a target had been held, s.
-    TimeS,
-    /// Throughput, bit/s.
-    ThroughputBitS,
-    /// Mean length of the path over the distance.
-    Detour,
-    /// Mean overshoot, deg.
-    OvershootDeg,
-    /// RMS distance from the goal while it was followed, deg, by the camera if there is one.
-    ErrorDeg,
-    /// RMS distance from a target that moved, deg.
-    PursuitDeg,
-    /// Lag of the snake, s.
-    PursuitLagS,
-    /// RMS distance from a position to hold, deg.
-    HoldStillDeg,
-    /// NASA-TLX, 0 to 100.
-    Workload,
+#[derive(Clone, Copy)]
+pub struct Measure {
+    /// Its name in JSON.
+    key: &'static str,
+    pub name: &'static str,
+    /// Its value in a trial; `None`: the trial does not show it.
+    of: fn(&TrialState, &TrialReport) -> Option<f64>,
 }
 
-impl Measure {
-    pub const ALL: [Self; 10] = [
-        Self::Held,
-        Self::TimeS,
-        Self::ThroughputBitS,
-        Self::Detour,
-        Self::OvershootDeg,
-        Self::ErrorDeg,
-        Self::PursuitDeg,
-        Self::PursuitLagS,
-        Self::HoldStillDeg,
-        Self::Workload,
-    ];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Held => "held (share)",
-            Self::TimeS => "time to hold (s)",
-            Self::ThroughputBitS => "throughput (bit/s)",
-            Self::Detour => "path over distance",
-            Self::OvershootDeg => "overshoot (deg)",
-            Self::ErrorDeg => "error, RMS (deg)",
-            Self::PursuitDeg => "pursuit, RMS (deg)",
-            Self::PursuitLagS => "pursuit, lag (s)",
-            Self::HoldStillDeg => "holding still, RMS (deg)",
-            Self::Workload => "workload (0 to 100)",
-        }
-    }
-
-    /// Value in a trial; `None`: the trial does not show it.
-    fn of(self, state: &TrialState, report: &TrialReport) -> Option<f64> {
-        let targets = report.targets.as_ref();
-        let of_targets = |value: fn(&TargetReach) -> Option<f64>| {
-            mean(targets?.targets.iter().filter_map(value))
-        };
-        let of_pursuits = |moves: bool, value: fn(&Pursuit) -> Option<f64>| {
-            mean(report.pursuits.iter().filter(|it| it.moves == moves).filter_map(value))
-        };
-        match self {
-            Self::PursuitDeg => of_pursuits(true, |pursuit| Some(pursuit.rms_deg)),
-            Self::PursuitLagS => of_pursuits(true, |pursuit| pursuit.lag_s),
-            Self::HoldStillDeg => of_pursuits(false, |pursuit| Some(pursuit.rms_deg)),
-            Self::Workload => state.workload.as_ref().map(Workload::mean),
-            Self::Held => targets.map(|score| score.held),
-            Self::TimeS => of_targets(|target| target.held_s),
-            Self::Detour => of_targets(|target| Some(target.detour)),
-            Self::OvershootDeg => of_targets(|target| Some(target.overshoot_deg)),
-            Self::ErrorDeg => {
-                report.camera.as_ref().or(report.estimate.as_ref()).map(|it| it.length_rms_deg)
-            }
-            Self::ThroughputBitS => throughput(report),
-        }
-    }
+const fn measure(
+    key: &'static str,
+    name: &'static str,
+    of: fn(&TrialState, &TrialReport) -> Option<f64>,
+) -> Measure {
+    Measure { key, name, of }
 }
 
-/// Throughput over all held targets of a trial.
+/// Distances in degrees are root mean squares; the error is by the camera if there is one.
+pub const MEASURES: [Measure; 10] = [
+    measure("held", "held (share)", |_, it| Some(it.targets.as_ref()?.held)),
+    measure("time_s", "time to hold (s)", |_, it| of_targets(it, |target| target.held_s)),
+    measure("throughput_bit_s", "throughput (bit/s)", |_, it| throughput(it)),
+    measure("detour", "path over distance", |_, it| of_targets(it, |target| Some(target.detour))),
+    measure("overshoot_deg", "overshoot (deg)", |_, it| {
+        of_targets(it, |target| Some(target.overshoot_deg))
+    }),
+    measure("error_deg", "error, RMS (deg)", |_, it| {
+        it.camera.as_ref().or(it.estimate.as_ref()).map(|error| error.length_rms_deg)
+    }),
+    measure("pursuit_deg", "pursuit, RMS (deg)", |_, it| {
+        of_pursuits(it, true, |pursuit| Some(pursuit.rms_deg))
+    }),
+    measure("pursuit_lag_s", "pursuit, lag (s)", |_, it| {
+        of_pursuits(it, true, |pursuit| pursuit.lag_s)
+    }),
+    measure("hold_still_deg", "holding still, RMS (deg)", |_, it| {
+        of_pursuits(it, false, |pursuit| Some(pursuit.rms_deg))
+    }),
+    measure("workload", "workload (0 to 100)", |trial, _| {
+        trial.workload.as_ref().map(Workload::mean)
+    }),
+];
+
+fn of_targets(report: &TrialReport, value: fn(&TargetReach) -> Option<f64>) -> Option<f64> {
+    mean(report.targets.as_ref()?.targets.iter().filter_map(value))
+}
+
+/// Pursuits with a target that moves, or with one at rest.
+fn of_pursuits(
+    report: &TrialReport,
+    moves: bool,
+    value: fn(&Pursuit) -> Option<f64>,
+) -> Option<f64> {
+    mean(report.pursuits.iter().filter(|it| it.moves == moves).filter_map(value))
+}
+
 fn throughput(report: &TrialReport) -> Option<f64> {
     let score = report.targets.as_ref()?;
     let end = |target: &TargetReach| {
@@ -143,11 +118,10 @@ pub struct TrialNumbers {
     pub workload: Option<Workload>,
     /// Setup of the trial: robot, model, motion scale, number of virtual fixtures.
     pub made_with: MadeWith,
-    /// Scores of the targets to reach.
     #[serde(skip)]
     pub targets: Vec<TargetReach>,
-    /// Values in the order of [`Measure::ALL`].
-    pub values: [Option<f64>; Measure::ALL.len()],
+    /// In the order of [`MEASURES`].
+    pub values: [Option<f64>; MEASURES.len()],
     /// Reason why it does not count; `None`: it does.
     pub left_out: Option<String>,
 }
@@ -187,14 +161,15 @@ pub struct Effect {
     pub difference: f64,
     /// 95 % interval, from eight participants or more.
     pub interval: Option<[f64; 2]>,
-    /// Difference of each participant.
     pub differences: Vec<f64>,
 }
 
-/// A measure over all conditions.
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
-    pub measure: Measure,
+    pub measure: &'static str,
+    /// Name of the measure for readers.
+    #[serde(skip)]
+    pub name: &'static str,
     /// Mean over the participants, by condition.
     pub means: Vec<Option<f64>>,
     /// Effects relative to the first condition.
@@ -204,7 +179,6 @@ pub struct Row {
     pub by_participant: BTreeMap<String, Vec<Option<f64>>>,
 }
 
-/// A whole study.
 #[derive(Debug, Serialize)]
 pub struct StudyReport {
     pub study: String,
@@ -216,13 +190,11 @@ pub struct StudyReport {
 }
 
 impl StudyReport {
-    /// Reads all recordings of a study. Calls `progress` with each name.
-    pub fn read(folder: &Path, mut progress: impl FnMut(&str)) -> Result<Self, StudyError> {
+    pub fn read(folder: &Path) -> Result<Self, StudyError> {
         let study = Study::open(folder)?;
-        let conditions: Vec<_> = study.conditions().iter().map(ToString::to_string).collect();
+        let conditions: Vec<_> = study.conditions.iter().map(ToString::to_string).collect();
         let mut trials = Vec::new();
         for trial in study.trials()? {
-            progress(&trial.name);
             let state = &trial.state;
             let mut numbers = TrialNumbers {
                 name: trial.name.clone(),
@@ -239,19 +211,19 @@ impl StudyReport {
                 (Some(Outcome::Aborted), _) => numbers.left_out = Some("aborted".into()),
                 (_, Err(error)) => numbers.left_out = Some(error.to_string()),
                 (_, Ok(report)) => {
-                    numbers.values = Measure::ALL.map(|it| it.of(state, &report));
+                    numbers.values = MEASURES.map(|it| (it.of)(state, &report));
                     numbers.made_with = MadeWith::of(&report);
                     numbers.targets = report.targets.map(|it| it.targets).unwrap_or_default();
                 }
             }
             trials.push(numbers);
         }
-        let rows = Measure::ALL.iter().enumerate().map(|(index, measure)| {
+        let rows = MEASURES.iter().enumerate().map(|(index, measure)| {
             let counted = trials.iter().filter(|trial| trial.left_out.is_none());
             let values = counted.filter_map(|trial| {
                 Some((&*trial.participant, &*trial.condition, trial.values[index]?))
             });
-            row(*measure, &conditions, values)
+            row(measure, &conditions, values)
         });
         let rows = rows.collect();
         let name = folder.canonicalize().unwrap_or_default();
@@ -280,7 +252,7 @@ fn mixed(conditions: &[String], trials: &[TrialNumbers]) -> Vec<String> {
 
 /// Mean of each participant under each condition, then over the participants.
 fn row<'a>(
-    measure: Measure,
+    measure: &Measure,
     conditions: &[String],
     values: impl Iterator<Item = (&'a str, &'a str, f64)>,
 ) -> Row {
@@ -303,7 +275,7 @@ fn row<'a>(
         if place == 0 { None } else { effect(&pairs.collect::<Vec<_>>()) }
     });
     let effects = effects.collect();
-    Row { measure, means, effects, by_participant }
+    Row { measure: measure.key, name: measure.name, means, effects, by_participant }
 }
 
 /// Mean of paired differences, and its interval where there are enough.
@@ -341,7 +313,7 @@ mod tests {
                 (&**name, "b", skill + 0.6 + noise),
             ]
         });
-        let row = row(Measure::TimeS, &conditions, values);
+        let row = row(&MEASURES[1], &conditions, values);
         let effect = row.effects[1].clone().unwrap();
         assert!((effect.difference - 0.5).abs() < 1e-9 && effect.differences.len() == 8);
         let [low, high] = effect.interval.unwrap();

@@ -1,6 +1,7 @@
 //! The journal of a trial: its facts, one line of JSON per event.
 
 use std::fs::{File, OpenOptions};
+use std::io::ErrorKind::{NotADirectory, NotFound};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -8,8 +9,7 @@ use i2ris::units::Nanos;
 use nix::fcntl::{Flock, FlockArg};
 use serde::{Deserialize, Serialize};
 
-use super::code::{Condition, Participant};
-use super::workload::Workload;
+use super::participant::{Condition, Participant, Workload};
 use super::{StudyError, io_error};
 
 pub const FILE: &str = "journal.jsonl";
@@ -26,6 +26,12 @@ pub enum Outcome {
     Recovery,
     /// Trial aborted; it does not count
     Aborted,
+}
+
+impl Outcome {
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
 }
 
 /// A line of the journal.
@@ -48,7 +54,6 @@ pub enum Event {
         /// `robot_id` of the controller; empty if it has none.
         #[serde(default)]
         robot: String,
-        /// Process of the recorder.
         pid: i32,
     },
     /// Result of the preflight before the trial, or that there was none.
@@ -79,7 +84,6 @@ pub enum Event {
     },
 }
 
-/// State of a trial according to its journal.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct TrialState {
     pub participant: String,
@@ -90,12 +94,10 @@ pub struct TrialState {
     /// `None` while it is running, or if it is truncated and not closed yet.
     pub outcome: Option<Outcome>,
     pub note: String,
-    /// See [`Event::Preflight`].
     pub preflight: String,
     pub marks: Vec<Mark>,
     /// Starts of the controller that were recorded.
     pub boots: Vec<String>,
-    /// The `robot_id` of the controller.
     pub robot: String,
     pub failed: Option<String>,
     pub workload: Option<Workload>,
@@ -167,7 +169,7 @@ pub struct Journal {
     file: File,
 }
 
-fn time() -> String {
+pub fn time() -> String {
     i2ris::wall_clock::now().to_string()
 }
 
@@ -183,14 +185,7 @@ impl Journal {
     pub fn read(folder: &Path) -> Result<Option<TrialState>, StudyError> {
         let mut follower = Follower::new(folder);
         let events = match follower.new_events() {
-            Err(error)
-                if matches!(
-                    error.kind(),
-                    io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
-                ) =>
-            {
-                return Ok(None);
-            }
+            Err(error) if matches!(error.kind(), NotFound | NotADirectory) => return Ok(None),
             events => events.map_err(io_error(&follower.path))?,
         };
         let mut state = TrialState::default();
@@ -199,8 +194,7 @@ impl Journal {
         Ok((!state.participant.is_empty()).then_some(state))
     }
 
-    /// Whether a recorder holds the trial. The system releases the lock when its process ends,
-    /// however it ends.
+    /// Whether a recorder holds the trial: the system releases the lock when its process ends.
     pub fn is_held(folder: &Path) -> bool {
         let file = File::open(folder.join(FILE));
         file.is_ok_and(|file| Flock::lock(file, FlockArg::LockSharedNonblock).is_err())
@@ -214,7 +208,7 @@ impl Journal {
         lock.map_err(|(_, error)| io_error(&path)(error.into()))
     }
 
-    fn append(&mut self, event: &Event) -> Result<(), StudyError> {
+    pub fn append(&mut self, event: &Event) -> Result<(), StudyError> {
         let path = self.path.clone();
         let line = serde_json::to_string(event)
             .map_err(|error| StudyError::Damaged { path: path.clone(), error })?;
@@ -244,27 +238,6 @@ impl Journal {
         })
     }
 
-    pub fn preflight(&mut self, said: &str) -> Result<(), StudyError> {
-        self.append(&Event::Preflight { time: time(), said: said.to_owned() })
-    }
-
-    pub fn recording(
-        &mut self,
-        boot_id: u64,
-        software: &str,
-        model: &str,
-        robot: &str,
-    ) -> Result<(), StudyError> {
-        self.append(&Event::Recording {
-            time: time(),
-            boot_id: format!("{boot_id:016x}"),
-            software: software.to_owned(),
-            model: model.to_owned(),
-            robot: robot.to_owned(),
-            pid: std::process::id().cast_signed(),
-        })
-    }
-
     /// Appends a mark and returns its number. Concurrent calls wait for each other: the folder is
     /// locked, because the recorder holds the file.
     pub fn mark(&mut self, at: Nanos, text: &str) -> Result<u32, StudyError> {
@@ -279,21 +252,8 @@ impl Journal {
         Ok(number)
     }
 
-    pub fn failed(&mut self, why: &str) -> Result<(), StudyError> {
-        self.append(&Event::Failed { time: time(), why: why.to_owned() })
-    }
-
     pub fn stop(&mut self, outcome: Outcome, note: &str) -> Result<(), StudyError> {
         self.append(&Event::Stop { time: time(), outcome, note: note.to_owned() })
-    }
-
-    pub fn workload(&mut self, answers: Workload) -> Result<(), StudyError> {
-        self.append(&Event::Workload { time: time(), answers })
-    }
-
-    /// Ends a trial whose recorder has ended.
-    pub fn cut_off(&mut self) -> Result<(), StudyError> {
-        self.stop(Outcome::Aborted, "truncated: its recorder had ended")
     }
 }
 

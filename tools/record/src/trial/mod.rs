@@ -11,14 +11,11 @@
 //! The journal is the truth about a trial. A line torn by a power cut is ignored; a trial without a
 //! stop whose recorder has ended is truncated.
 
-pub mod code;
 pub mod comparison;
 pub mod journal;
-pub mod order;
 mod page;
+pub mod participant;
 pub mod runner;
-mod tables;
-pub mod workload;
 
 use std::fs::{self, File};
 use std::io;
@@ -28,35 +25,32 @@ use i2ris_report::files;
 use nix::fcntl::{Flock, FlockArg};
 use serde::{Deserialize, Serialize};
 
-use code::{CodeError, Condition, Participant};
-use journal::{Journal, TrialState};
+use journal::{Journal, Outcome, TrialState};
+use participant::{CodeError, Condition, Participant};
 
 /// The version of the folder that this program writes and reads.
 const FORMAT: u32 = 1;
-pub(crate) const STUDY: &str = "study.json";
+pub const STUDY: &str = "study.json";
 /// Trials of one participant under one condition.
 const MAX_TRIALS: u32 = 999;
 
-/// Reason why a study cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    #[error("{path}: {error}", path = path.display())]
+    #[error("{path}: {error}")]
     Io { path: PathBuf, error: io::Error },
     #[error(
         "{path} is not a study: it has no study.json; create one with `i2ris record trial new \
-         FOLDER`, or name one with --study",
-        path = path.display()
+         FOLDER`, or name one with --study"
     )]
     NoStudy { path: PathBuf },
-    #[error("{path} already exists; name a different folder", path = path.display())]
+    #[error("{path} already exists; name a different folder")]
     Exists { path: PathBuf },
     #[error(
         "{path}: study format {found}, but this program supports {FORMAT}: use the release that \
-         created it",
-        path = path.display()
+         created it"
     )]
     Format { path: PathBuf, found: u32 },
-    #[error("{path}: {error}; it was modified outside i2ris", path = path.display())]
+    #[error("{path}: {error}; it was modified outside i2ris")]
     Damaged { path: PathBuf, error: serde_json::Error },
     #[error("condition `{condition}` is not in this study: {known}")]
     Condition { condition: Condition, known: String },
@@ -92,10 +86,9 @@ struct Description {
 #[derive(Debug)]
 pub struct Study {
     folder: PathBuf,
-    conditions: Vec<Condition>,
+    pub conditions: Vec<Condition>,
 }
 
-/// A trial on disk.
 #[derive(Debug)]
 pub struct TrialFolder {
     pub name: String,
@@ -114,7 +107,6 @@ fn io_error(path: &Path) -> impl FnOnce(io::Error) -> StudyError {
 }
 
 impl Study {
-    /// Creates the folder of a new study.
     pub fn create(
         folder: &Path,
         conditions: Vec<Condition>,
@@ -147,9 +139,9 @@ impl Study {
             format: u32,
         }
         let damaged = |error| StudyError::Damaged { path: file.clone(), error };
-        let Head { format } = serde_json::from_slice(&text).map_err(damaged)?;
-        if format != FORMAT {
-            return Err(StudyError::Format { path: file.clone(), found: format });
+        let Head { format: found } = serde_json::from_slice(&text).map_err(damaged)?;
+        if found != FORMAT {
+            return Err(StudyError::Format { path: file.clone(), found });
         }
         let description: Description = serde_json::from_slice(&text).map_err(damaged)?;
         Ok(Self { folder: folder.to_owned(), conditions: description.conditions })
@@ -169,10 +161,6 @@ impl Study {
         let file = self.folder.join(STUDY);
         let opened = File::open(&file).map_err(io_error(&file))?;
         Flock::lock(opened, FlockArg::LockExclusiveNonblock).map_err(|_| StudyError::Starts)
-    }
-
-    pub fn conditions(&self) -> &[Condition] {
-        &self.conditions
     }
 
     /// All trials, in the order in which they began.
@@ -197,15 +185,15 @@ impl Study {
     /// The trial of a name; without a name, the last that has ended.
     pub fn ended(&self, name: Option<&str>) -> Result<TrialFolder, StudyError> {
         let Some(name) = name else {
-            let mut ended = self.trials()?;
-            ended.retain(|trial| trial.state.outcome.is_some());
-            return ended.pop().ok_or(StudyError::NoneEnded);
+            let mut newest = self.trials()?.into_iter().rev();
+            let ended = newest.find(|trial| trial.state.outcome.is_some());
+            return ended.ok_or(StudyError::NoneEnded);
         };
         let trial = self.trial(name)?;
-        match trial.state.outcome {
-            Some(_) => Ok(trial),
-            None => Err(StudyError::Runs(trial.name)),
+        if trial.state.outcome.is_none() {
+            return Err(StudyError::Runs(trial.name));
         }
+        Ok(trial)
     }
 
     pub fn trial(&self, name: &str) -> Result<TrialFolder, StudyError> {
@@ -218,7 +206,8 @@ impl Study {
         let mut closed = Vec::new();
         for trial in self.trials()? {
             if trial.state.outcome.is_none() && !Journal::is_held(&trial.folder) {
-                Journal::open(&trial.folder)?.cut_off()?;
+                let why = "truncated: its recorder had ended";
+                Journal::open(&trial.folder)?.stop(Outcome::Aborted, why)?;
                 closed.push(trial.name);
             }
         }
@@ -230,7 +219,7 @@ impl Study {
         &self,
         participant: &Participant,
         condition: &Condition,
-    ) -> Result<(String, PathBuf), StudyError> {
+    ) -> Result<PathBuf, StudyError> {
         if !self.conditions.contains(condition) {
             let known: Vec<_> = self.conditions.iter().map(ToString::to_string).collect();
             let (condition, known) = (condition.clone(), known.join(", "));
@@ -240,10 +229,9 @@ impl Study {
         let known = trials.iter().filter_map(|trial| trial.state.participant.parse().ok());
         participant.check_distinct(known)?;
         for number in 1..=MAX_TRIALS {
-            let name = format!("{participant}-{condition}-{number:02}");
-            let folder = self.folder.join(&name);
+            let folder = self.folder.join(format!("{participant}-{condition}-{number:02}"));
             match fs::create_dir(&folder) {
-                Ok(()) => return Ok((name, folder)),
+                Ok(()) => return Ok(folder),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(StudyError::Io { path: folder, error }),
             }

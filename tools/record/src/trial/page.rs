@@ -1,12 +1,15 @@
-//! The page of a study: what differs between the conditions, in a table and a figure.
+//! The page of a study: what differs between the conditions, in a table and a figure; and its
+//! numbers as CSV: what was measured, what was compared, every target.
 
 use i2ris_report::number::significant;
 use i2ris_report::{Axis, Color, Document, Figure, Mark, Panel, Stroke, Table};
 
-use super::comparison::{Effect, Measure, Row, StudyReport};
+use super::comparison::{Effect, MEASURES, MadeWith, Row, StudyReport};
+use super::journal::Outcome;
+use super::participant::SCALES;
 
 const ROW_HEIGHT: f64 = 210.0;
-/// Maximum number of measures side by side on a sheet.
+/// Maximum number of measures side by side on a sheet; others are in a second table.
 const MAX_COLUMNS: usize = 5;
 const PARTICIPANT: Stroke = Stroke::new(Color::GREY, 0.9);
 const MEAN: Stroke = Stroke::new(Color::BLUE, 2.2);
@@ -46,12 +49,10 @@ fn rows(mut figure: Figure, mut panels: impl Iterator<Item = Panel>) -> Figure {
 }
 
 impl StudyReport {
-    /// The comparison as text, without figures.
     pub fn text(&self) -> String {
         self.document().text(usize::MAX)
     }
 
-    /// The comparison as an HTML page.
     pub fn html(&self) -> String {
         self.document().html()
     }
@@ -74,7 +75,8 @@ impl StudyReport {
         self.write_conditions(&mut page);
         page.page_only(|page| {
             page.section("Trials");
-            self.trial_tables().into_iter().for_each(|table| page.table(table));
+            let known: Vec<&str> = self.known().map(|row| row.name).collect();
+            known.chunks(MAX_COLUMNS).for_each(|names| page.table(self.trial_table(names)));
         });
         let version = env!("CARGO_PKG_VERSION");
         page.footer(format!("Written by i2ris {version} from the recordings of the study alone."));
@@ -95,11 +97,10 @@ impl StudyReport {
               differences.",
             header,
         );
-        for Row { measure, means, effects, .. } in self.known() {
+        for Row { name, means, effects, .. } in self.known() {
             let means = means.iter().map(|mean| number(*mean));
             let effects = effects.iter().skip(1).map(|effect| sentence(effect.as_ref()));
-            let name = [measure.name().to_owned()];
-            table.row(name.into_iter().chain(means).chain(effects));
+            table.row([(*name).to_owned()].into_iter().chain(means).chain(effects));
         }
         page.table(table);
         page.figure(
@@ -164,7 +165,7 @@ impl StudyReport {
         });
         let means = known.clone().map(|(x, effect)| [x, effect.difference]).collect();
         let each = known.clone().flat_map(|(x, it)| it.differences.iter().map(move |it| [x, *it]));
-        let name = row.measure.name();
+        let name = row.name;
         let y = Axis::linear(format!("difference: {name}")).including(0.0);
         Panel::new(name, self.axis(1), y)
             .with(Mark::horizontal(0.0, PARTICIPANT))
@@ -179,33 +180,117 @@ impl StudyReport {
             places.filter_map(|(place, mean)| Some([place as f64, (*mean)?])).collect()
         };
         let all = row.by_participant.values().map(|means| points(means));
-        let name = row.measure.name();
+        let name = row.name;
         Panel::new(name, self.axis(0), Axis::linear(name).including(0.0))
             .with_all(all.clone().map(|points| Mark::line(points, PARTICIPANT)))
             .with(Mark::dots(all.flatten().collect(), Color::GREY, 4.0))
             .with(Mark::line(points(&row.means), MEAN))
     }
 
-    /// Tables of every trial; a second one if the first is wider than a sheet.
-    fn trial_tables(&self) -> Vec<Table> {
-        let known: Vec<Measure> = self.known().map(|row| row.measure).collect();
-        known.chunks(MAX_COLUMNS).map(|measures| self.trial_table(measures)).collect()
-    }
-
-    fn trial_table(&self, measures: &[Measure]) -> Table {
+    fn trial_table(&self, measures: &[&str]) -> Table {
         let fixed = ["trial", "outcome", "marks", "model"];
-        let header = fixed.map(str::to_owned);
-        let names = measures.iter().map(|measure| measure.name().to_owned());
-        let mut table = Table::new("Every trial.", header.into_iter().chain(names)).text_column(1);
+        let header = fixed.iter().chain(measures).copied();
+        let mut table = Table::new("Every trial.", header).text_column(1);
         for trial in &self.trials {
-            let outcome =
-                trial.outcome.map_or("-".to_owned(), |it| format!("{it:?}").to_lowercase());
+            let outcome = trial.outcome.map_or("-".to_owned(), Outcome::name);
             let model = trial.made_with.model.clone();
             let fixed = [trial.name.clone(), outcome, trial.marks.to_string(), model];
-            let values = Measure::ALL.into_iter().zip(trial.values);
-            let values = values.filter(|(measure, _)| measures.contains(measure));
+            let values = MEASURES.iter().zip(trial.values);
+            let values = values.filter(|(measure, _)| measures.contains(&measure.name));
             table.row(fixed.into_iter().chain(values.map(|(_, it)| number(it))));
         }
         table
+    }
+}
+
+/// An empty cell: not known.
+fn cell(value: Option<f64>) -> String {
+    value.map_or(String::new(), |it| it.to_string())
+}
+
+fn table(rows: impl IntoIterator<Item = Vec<String>>) -> Result<Vec<u8>, csv::Error> {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    rows.into_iter().try_for_each(|row| csv.write_record(row))?;
+    csv.into_inner().map_err(|error| error.into_error().into())
+}
+
+fn header<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+    names.into_iter().map(str::to_owned).collect()
+}
+
+impl StudyReport {
+    /// The tables, by the end of their file names.
+    pub fn tables(&self) -> Result<[(&'static str, Vec<u8>); 3], csv::Error> {
+        Ok([
+            ("", table(self.trial_rows())?),
+            ("-effects", table(self.effect_rows())?),
+            ("-targets", table(self.target_rows())?),
+        ])
+    }
+
+    fn trial_rows(&self) -> Vec<Vec<String>> {
+        let fixed =
+            ["trial", "participant", "condition", "started", "outcome", "marks", "left_out"];
+        let scales = SCALES.map(|(name, ..)| name);
+        let measures = MEASURES.map(|measure| measure.name);
+        let names = fixed.into_iter().chain(MadeWith::NAMES).chain(measures).chain(scales);
+        let mut rows = vec![header(names)];
+        for trial in &self.trials {
+            let outcome = trial.outcome.map(Outcome::name);
+            let mut row = vec![
+                trial.name.clone(),
+                trial.participant.clone(),
+                trial.condition.clone(),
+                trial.started.clone(),
+                outcome.unwrap_or_default(),
+                trial.marks.to_string(),
+                trial.left_out.clone().unwrap_or_default(),
+            ];
+            row.extend(trial.made_with.cells());
+            row.extend(trial.values.map(cell));
+            let answers = trial.workload.map(|workload| workload.0.map(f64::from).map(Some));
+            row.extend(answers.unwrap_or_default().map(cell));
+            rows.push(row);
+        }
+        rows
+    }
+
+    fn effect_rows(&self) -> Vec<Vec<String>> {
+        let names = "measure,condition,mean,difference,low_95,high_95,participants";
+        let mut rows = vec![header(names.split(','))];
+        for Row { name, means, effects, .. } in &self.rows {
+            for (condition, (mean, effect)) in self.conditions.iter().zip(means.iter().zip(effects))
+            {
+                let interval = effect.as_ref().and_then(|effect| effect.interval);
+                let numbers = [
+                    *mean,
+                    effect.as_ref().map(|effect| effect.difference),
+                    interval.map(|[low, _]| low),
+                    interval.map(|[_, high]| high),
+                    effect.as_ref().map(|effect| effect.differences.len() as f64),
+                ];
+                let mut row = vec![(*name).to_owned(), condition.clone()];
+                row.extend(numbers.map(cell));
+                rows.push(row);
+            }
+        }
+        rows
+    }
+
+    fn target_rows(&self) -> Vec<Vec<String>> {
+        let names = "trial,target,t_s,from_pitch_deg,from_yaw_deg,to_pitch_deg,to_yaw_deg,\
+                     distance_deg,arrived_s,held_s,overshoot_deg,detour";
+        let mut rows = vec![header(names.split(','))];
+        for trial in &self.trials {
+            for target in &trial.targets {
+                let [[a, b], [c, d]] = [target.from_deg, target.to_deg];
+                let mut row = vec![trial.name.clone(), target.number.to_string()];
+                row.extend([target.t_s, a, b, c, d, target.distance_deg].map(Some).map(cell));
+                row.extend([target.arrived_s, target.held_s].map(cell));
+                row.extend([target.overshoot_deg, target.detour].map(Some).map(cell));
+                rows.push(row);
+            }
+        }
+        rows
     }
 }

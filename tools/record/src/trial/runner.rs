@@ -2,18 +2,22 @@
 //! commands has to keep running; its journal has its process and its messages.
 
 use std::fs::{self, File};
+use std::io::Write;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use i2ris::clock;
-use i2ris::ipc::payload::{TrialMsg, padded_text};
+use i2ris::ipc::client::{Announcer, Client, Subscription};
+use i2ris::ipc::payload::{JointState, TeleopMsg, TrialMsg, Version, padded_text, unpadded_text};
 use i2ris::units::Nanos;
+use i2ris_report::Interrupt;
+use nix::fcntl::Flock;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use super::code::{Condition, Participant};
-use super::journal::{Event, Follower, Journal, Outcome};
+use super::journal::{Event, Follower, Journal, Outcome, time};
+use super::participant::{Condition, Participant};
 use super::{Study, StudyError, TrialFolder, io_error};
 
 /// Maximum time until a recorder has a controller, and until it has completed its file.
@@ -23,18 +27,17 @@ const POLL: Nanos = Nanos::from_millis(10);
 /// Period of reading the journal, and of publishing the trial for clients that connect later.
 const READ_PERIOD: Nanos = Nanos::from_millis(50);
 const PUBLISH_PERIOD: Nanos = Nanos::from_millis(500);
+/// The same after a failed recording.
+const FAILURE_PERIOD: Nanos = Nanos::from_millis(20);
 const LOG: &str = "recorder.log";
 
-/// Plan of a trial.
 #[derive(Debug)]
 pub struct Plan<'a> {
     pub participant: &'a Participant,
     pub condition: &'a Condition,
     pub task: &'a str,
     pub note: &'a str,
-    /// Result of the preflight before the trial.
     pub preflight: &'a str,
-    /// The domain of the controller.
     pub domain: &'a str,
     /// The program `i2ris-record`.
     pub recorder: &'a Path,
@@ -46,7 +49,7 @@ impl Study {
         if let Some(running) = self.running()? {
             return Err(StudyError::Runs(running.name));
         }
-        let (_, folder) = self.new_trial(plan.participant, plan.condition)?;
+        let folder = self.new_trial(plan.participant, plan.condition)?;
         let begun = self.begin(plan, &folder);
         if begun.is_err() {
             // Nothing was recorded: the folder is deleted, so that its number stays free.
@@ -59,7 +62,7 @@ impl Study {
     fn begin(&self, plan: &Plan<'_>, folder: &Path) -> Result<(), StudyError> {
         let mut journal = Journal::open(folder)?;
         journal.start(plan.participant, plan.condition, plan.task, plan.note)?;
-        journal.preflight(plan.preflight)?;
+        journal.append(&Event::Preflight { time: time(), said: plan.preflight.to_owned() })?;
         let log = folder.join(LOG);
         let output = File::create(&log).map_err(io_error(&log))?;
         let error = output.try_clone().map_err(io_error(&log))?;
@@ -143,26 +146,82 @@ fn wait_for_first(recorder: &mut Child, folder: &Path) -> Result<(), StudyError>
     }
 }
 
-/// Publisher of a trial: reads the journal, makes messages.
-#[derive(Debug)]
-pub struct TrialPublisher {
+/// The recording of a study's trial: it holds the trial, publishes its journal, and adds to it what
+/// only the recorder knows.
+pub struct OfStudy {
+    journal: Journal,
+    /// Reads the journal, for `message`.
     follower: Follower,
     message: TrialMsg,
     next_read: Nanos,
     next_publish: Nanos,
+    announcer: Announcer<TrialMsg>,
+    hand: Subscription<TeleopMsg>,
+    /// Stamp of the last mark by a button.
+    marked: Nanos,
+    boot_id: u64,
+    software: String,
+    robot: String,
+    pub preflight: String,
+    _held: Flock<File>,
 }
 
-impl TrialPublisher {
-    pub fn new(folder: &Path, now: Nanos) -> Self {
+impl OfStudy {
+    pub fn begin(folder: &Path, client: &Client, version: &Version) -> Result<Self, StudyError> {
+        let _held = Journal::hold(folder)?;
+        let [major, minor, patch] = version.software;
+        let robot = unpadded_text(&version.robot_id);
+        if let Some(study) = folder.parent() {
+            Study::open(study)?.check_robot(&robot)?;
+        }
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
-        let message =
-            TrialMsg { started_ns: now.0, trial: padded_text(&name), ..TrialMsg::default() };
-        let follower = Follower::new(folder);
-        Self { follower, message, next_read: now, next_publish: now }
+        let (now, trial) = (clock::now(), padded_text(&name));
+        Ok(Self {
+            journal: Journal::open(folder)?,
+            follower: Follower::new(folder),
+            message: TrialMsg { started_ns: now.0, trial, ..TrialMsg::default() },
+            next_read: now,
+            next_publish: now,
+            announcer: client.announcer(),
+            hand: client.watcher().teleop(),
+            marked: now,
+            boot_id: 0,
+            software: format!("i2ris-control {major}.{minor}.{patch}"),
+            robot,
+            preflight: Journal::read(folder)?.unwrap_or_default().preflight,
+            _held,
+        })
+    }
+
+    /// Enters each run of the controller into the journal.
+    pub fn see(&mut self, joint: &JointState) {
+        if joint.boot_id != self.boot_id {
+            self.boot_id = joint.boot_id;
+            warn(self.journal.append(&Event::Recording {
+                time: time(),
+                boot_id: format!("{:016x}", joint.boot_id),
+                software: self.software.clone(),
+                model: joint.model_id.map(|byte| format!("{byte:02x}")).concat(),
+                robot: self.robot.clone(),
+                pid: std::process::id().cast_signed(),
+            }));
+        }
+    }
+
+    /// Sets the marks of a pedal or a button.
+    fn mark(&mut self) -> Result<(), StudyError> {
+        // Without a controller there are no commands by hand.
+        while let Some(hand) = self.hand.read().ok().flatten() {
+            if hand.mark_ns > self.marked.0 {
+                self.marked = Nanos(hand.mark_ns);
+                self.journal.mark(self.marked, "by hand")?;
+            }
+        }
+        Ok(())
     }
 
     /// Messages that are due: one for each new mark, else one twice a second.
-    pub fn messages(&mut self, now: Nanos) -> Vec<TrialMsg> {
+    fn messages(&mut self, now: Nanos) -> Vec<TrialMsg> {
         if now < self.next_read {
             return Vec::new();
         }
@@ -185,14 +244,36 @@ impl TrialPublisher {
         due
     }
 
-    /// Reports the trial as unrecorded from now on.
-    pub fn fail(&mut self) {
-        self.message.flags |= TrialMsg::FAILED;
-        self.next_publish = Nanos::ZERO;
+    pub fn publish(&mut self, now: Nanos) {
+        warn(self.mark());
+        for message in self.messages(now) {
+            // Not received without a controller; the journal has it.
+            let _ = self.announcer.publish(message);
+        }
     }
 
-    /// The last message.
-    pub fn end(&self) -> TrialMsg {
-        TrialMsg { flags: self.message.flags | TrialMsg::ENDED, ..self.message }
+    /// After a failed recording: publishes the failure until the trial is stopped.
+    pub fn publish_failure(&mut self, why: &str, interrupt: &Interrupt) {
+        self.message.flags |= TrialMsg::FAILED;
+        self.next_publish = Nanos::ZERO;
+        self.publish(clock::now());
+        warn(self.journal.append(&Event::Failed { time: time(), why: why.to_owned() }));
+        while !interrupt.came() {
+            self.publish(clock::now());
+            clock::sleep(FAILURE_PERIOD);
+        }
+    }
+
+    pub fn end(&mut self) {
+        let flags = self.message.flags | TrialMsg::ENDED;
+        let _ = self.announcer.publish(TrialMsg { flags, ..self.message });
+    }
+}
+
+/// Prints a warning; the recording continues without its journal.
+fn warn(outcome: Result<(), StudyError>) {
+    if let Err(error) = outcome {
+        // The log may be on the same full disk: a failed write must not end the recording.
+        let _ = writeln!(std::io::stderr(), "warning: {error}");
     }
 }

@@ -10,7 +10,7 @@ use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::{JointState, TeleopMsg};
 use i2ris::units::Nanos;
 use i2ris_needs::needs;
-use i2ris_record::messages::standard::snake;
+use i2ris_record::messages::snake;
 use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
 use i2ris_record::trial::Study;
 use i2ris_record::trial::journal::{Journal, Outcome};
@@ -88,7 +88,7 @@ fn study(outcomes: &[Outcome], has_pictures: bool) -> WorkFolder {
     let study = Study::create(&bench.path("study"), conditions, "i2ris test").unwrap();
     for outcome in outcomes {
         let (participant, condition) = ("P07".parse().unwrap(), "with".parse().unwrap());
-        let (_, trial) = study.new_trial(&participant, &condition).unwrap();
+        let trial = study.new_trial(&participant, &condition).unwrap();
         let mut journal = Journal::open(&trial).unwrap();
         journal.start(&participant, &condition, "reach", "").unwrap();
         journal.stop(*outcome, "").unwrap();

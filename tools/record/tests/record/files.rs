@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use i2ris::ipc::payload::{JointState, OperatingStateMsg, PeriodStatistics};
@@ -15,13 +15,11 @@ use i2ris_record::recovery::recover;
 use i2ris_record::report::TrialReport;
 use i2ris_testing::{program, run_python};
 use mcap::records::op;
-use tempfile::TempDir;
 
-use crate::{UNIX, camera, command, header, joints, motors};
+use crate::{UNIX, camera, command, header, joints, motors, recording};
 
 const MESSAGES: u64 = 2000;
 
-/// Records two seconds.
 fn record(path: &Path) {
     let header = RecordingHeader {
         about: BTreeMap::from([("note".to_owned(), "a test".to_owned())]),
@@ -55,17 +53,9 @@ fn record(path: &Path) {
     assert_eq!((counts.dropped, counts.messages[&Stream::Measured]), (0, MESSAGES));
 }
 
-/// A folder with the recording `a.mcap`.
-fn recording() -> (TempDir, PathBuf) {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("a.mcap");
-    record(&file);
-    (folder, file)
-}
-
 #[test]
 fn csv_tables_have_every_row() {
-    let (folder, file) = recording();
+    let (folder, file) = recording(record);
     let exported = export(&file, &folder.path().join("tables"), false).unwrap();
     assert!(exported.stopped_by.is_none());
     let rows = ["measured_js.csv", "period_statistics.csv"].map(|name| exported.rows[name]);
@@ -178,7 +168,7 @@ fn report_starts_with_commands_out_of_reach() {
 
 #[test]
 fn a_file_cut_off_anywhere_is_recovered() {
-    let (folder, whole) = recording();
+    let (folder, whole) = recording(record);
     let [cut, out] = ["cut.mcap", "out.mcap"].map(|name| folder.path().join(name));
     let bytes = fs::read(&whole).unwrap();
     let mut most = 0;
@@ -192,15 +182,26 @@ fn a_file_cut_off_anywhere_is_recovered() {
         if length > 20_000 {
             assert_eq!((recovered.attachments, recovered.metadata >= 1), (1, true), "{length}");
         }
-        assert!(
-            recover(&out, &folder.path().join(format!("again{part}.mcap")))
-                .unwrap()
-                .stopped_by
-                .is_none()
-        );
+        let again = recover(&out, &folder.path().join(format!("again{part}.mcap"))).unwrap();
+        assert!(again.stopped_by.is_none());
     }
     // There are two streams, one of them also as standard messages, and as poses every 20 ms.
     assert_eq!(most, 3 * MESSAGES + 2 * (MESSAGES / 20) + 2);
+}
+
+/// The length of the record that begins at a place.
+fn length(bytes: &[u8], at: usize) -> u64 {
+    u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap())
+}
+
+/// Where chunks begin.
+fn chunks(bytes: &[u8]) -> Vec<usize> {
+    let (mut chunks, mut at) = (Vec::new(), mcap::MAGIC.len());
+    while at + mcap::MAGIC.len() < bytes.len() {
+        chunks.extend((bytes[at] == op::CHUNK).then_some(at));
+        at += 9 + length(bytes, at) as usize;
+    }
+    chunks
 }
 
 /// One bad sector costs what it hit: foxglove/mcap#385.
@@ -224,11 +225,7 @@ fn a_damaged_place_costs_one_chunk_and_is_counted() {
     }
     writer.finish().unwrap();
     let bytes = fs::read(&whole).unwrap();
-    let (mut chunks, mut at) = (Vec::new(), mcap::MAGIC.len());
-    while chunks.len() < CHUNKS as usize {
-        chunks.extend((bytes[at] == op::CHUNK).then_some(at));
-        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
-    }
+    let chunks = chunks(&bytes);
     // Data of the first chunk, which alone names the channel; of the last; and lengths of records,
     // after which nothing is where it should be.
     let (first, middle, last) = (chunks[0], chunks[CHUNKS as usize / 2], chunks[29]);
@@ -248,24 +245,19 @@ fn a_damaged_place_costs_one_chunk_and_is_counted() {
 /// The default of the `mcap` tools.
 #[test]
 fn zstd_chunks_are_refused_but_not_reported_as_damage() {
-    let (folder, whole) = recording();
+    let (folder, whole) = recording(record);
     let mut bytes = fs::read(&whole).unwrap();
-    let mut at = mcap::MAGIC.len();
-    while bytes[at] != op::CHUNK {
-        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
-    }
+    let at = chunks(&bytes)[0];
     let name = at + 9 + 28;
     assert_eq!(&bytes[name..name + 7], b"\x03\0\0\0lz4");
     bytes.splice(name..name + 7, *b"\x04\0\0\0zstd");
-    let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) + 1;
+    let length = length(&bytes, at) + 1;
     bytes[at + 1..at + 9].copy_from_slice(&length.to_le_bytes());
     fs::write(&whole, bytes).unwrap();
     let out = folder.path().join("out.mcap");
     let error = recover(&whole, &out).unwrap_err().to_string();
-    assert!(
-        error.contains("nothing is damaged, but its chunks are compressed with zstd"),
-        "{error}"
-    );
+    let part = "nothing is damaged, but its chunks are compressed with zstd";
+    assert!(error.contains(part), "{error}");
     assert!(!out.exists());
     let exported = export(&whole, &folder.path().join("tables"), false).unwrap();
     let text = exported.stopped_by.unwrap().incomplete().to_string();
@@ -274,7 +266,7 @@ fn zstd_chunks_are_refused_but_not_reported_as_damage() {
 
 #[test]
 fn damaged_bytes_cause_no_panic() {
-    let (folder, whole) = recording();
+    let (folder, whole) = recording(record);
     let bad = folder.path().join("bad.mcap");
     let bytes = fs::read(&whole).unwrap();
     for step in 0..60 {
@@ -330,7 +322,7 @@ fn declared_length_allocates_only_what_the_file_holds() {
 #[needs("python: mcap, mcap_ros2")]
 #[test]
 fn python_opens_it_with_named_fields() {
-    let (_folder, file) = recording();
+    let (_folder, file) = recording(record);
     let script = include_str!("python/named_fields.py");
     run_python(script, &[file.to_str().unwrap()]);
 }

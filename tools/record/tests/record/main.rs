@@ -7,20 +7,21 @@
     reason = "tests, which report when they skip"
 )]
 
-mod crtk;
 mod export;
 mod files;
 mod interfaces;
 mod pictures;
 mod programs;
-mod reasons;
 mod trial;
 mod trial_faults;
+
+use std::path::{Path, PathBuf};
 
 use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, ServoJp};
 use i2ris::units::Nanos;
 use i2ris_record::recorder::RecordingHeader;
+use tempfile::TempDir;
 
 /// Valid angles, rad.
 fn joints(sequence: u64, stamp: Nanos, position: [f64; 3]) -> JointState {
@@ -34,7 +35,6 @@ fn joints(sequence: u64, stamp: Nanos, position: [f64; 3]) -> JointState {
     }
 }
 
-/// Positions of the motors.
 fn motors(sequence: u64, stamp: Nanos, measured_counts: [i32; 2]) -> StreamMessage {
     let stamp_ns = stamp.0;
     let state = ActuatorState { sequence, stamp_ns, measured_counts, ..Default::default() };
@@ -68,4 +68,12 @@ fn header() -> RecordingHeader {
         joints: vec!["pitch".to_owned(), "yaw".to_owned()],
         ..RecordingHeader::default()
     }
+}
+
+/// A folder with the recording `a.mcap`.
+fn recording(record: fn(&Path)) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    record(&file);
+    (folder, file)
 }

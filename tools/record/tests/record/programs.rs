@@ -11,7 +11,7 @@ use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::VirtualFixturesMsg;
 use i2ris::model::ModelId;
-use i2ris::model::file::ModelFile;
+use i2ris::model::file::{ModelFile, OutputUnit};
 use i2ris::process::robot_description;
 use i2ris::units::Nanos;
 use i2ris_testing::bench::{WorkFolder, assert_says, ends, fails, repository, start, succeeds};
@@ -20,7 +20,6 @@ use serde_json::Value;
 
 const EMULATOR: &str = "config/emulator.toml";
 
-/// Waits until the recording has some size.
 fn wait_for_size(bench: &WorkFolder, bytes: u64) {
     let size = || fs::metadata(bench.path("trial.mcap")).map_or(0, |data| data.len());
     wait_until("the file grows", || size() >= bytes);
@@ -31,7 +30,6 @@ fn words(bench: &WorkFolder, options: &str) -> String {
     bench.words(&format!("record --output @trial.mcap {options}"))
 }
 
-/// Records into it.
 fn record(controller: &Controller, bench: &WorkFolder, options: &str) {
     succeeds(&controller.domain, &words(bench, options));
 }
@@ -222,30 +220,10 @@ fn files_that_cannot_be_created_are_refused_first() {
     }
 }
 
-/// A model file that is valid, as far as a recorder looks.
 fn model_file(robot_id: &str) -> String {
-    let metrics = serde_json::json!({
-        "training": { "r2": 1.0, "rmsd": 1.0, "nrmsd": 0.1, "mae": 1.0, "max": 2.0 },
-        "held_out": null,
-    });
-    serde_json::json!({
-        "format": "i2ris-model", "schema_version": 1, "robot_id": robot_id,
-        "outputs": [{ "name": "pitch", "unit": "deg" }, { "name": "yaw", "unit": "deg" }],
-        "family": {
-            "kind": "linear", "gain": [[0.01, -0.01], [0.01, 0.01]], "offset": [0.0, 0.0],
-            "covariance": [[1.0, 0.0], [0.0, 1.0]],
-        },
-        "hull": { "corners": [
-            [-1000.0, -1000.0], [1000.0, -1000.0], [1000.0, 1000.0], [-1000.0, 1000.0]
-        ] },
-        "training": {
-            "data_file": "none", "data_sha256": "0".repeat(64),
-            "rows": 10, "seed": 0, "restarts": 0,
-            "log_likelihood": null, "bic": null, "software": "test",
-        },
-        "metrics": [metrics, metrics],
-    })
-    .to_string()
+    let file = i2ris_testing::cycle::model(OutputUnit::Deg).file().clone();
+    let file = ModelFile { robot_id: robot_id.to_owned(), ..file };
+    serde_json::to_string(&file).unwrap()
 }
 
 #[test]

@@ -1,16 +1,24 @@
-//! Commands for existing recordings: recover, info.
+//! Commands for existing recordings and black boxes: recover, info, report, replay.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use i2ris::core::{CycleEventKind, CycleOutputs};
+use i2ris::ipc::client::Client;
+use i2ris::process::black_box::{self, BlackBox, ReplayDifference, ReplayResult};
 use i2ris::units::Nanos;
 use i2ris::wall_clock::WallTime;
-use i2ris_record::export::extract::extract;
+use i2ris_record::export::extract;
 use i2ris_record::read::{ReadError, Records};
 use i2ris_record::recorder::rate_hz;
 use i2ris_record::recovery::{Recovered, recover};
-use i2ris_report::{Failure, bail, while_working};
+use i2ris_record::report::TrialReport;
+use i2ris_record::trial::comparison::StudyReport;
+use i2ris_report::exit::{Coded, INCOMPLETE};
+use i2ris_report::{DomainOption, Failure, bail, files, while_working};
 use mcap::records::Record;
+
+use super::recording::CONNECT_TIMEOUT;
 
 /// Arguments of `i2ris record recover`.
 #[derive(Debug, clap::Args)]
@@ -36,7 +44,6 @@ pub struct InfoArguments {
     json: bool,
 }
 
-/// Repairs a truncated recording.
 pub fn copy(arguments: &RecoverArguments) -> Result<(), Failure> {
     let recovered =
         while_working("recovering", || recover(&arguments.recording, &arguments.output))?;
@@ -58,15 +65,6 @@ pub fn copy(arguments: &RecoverArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes attachments and commands.
-fn write_extracted(recording: &Path, output: &Path) -> Result<(), Failure> {
-    let extracted = extract(recording, output)?;
-    for (name, what) in &extracted.files {
-        println!("{what:>16}  {}", output.join(name).display());
-    }
-    extracted.stopped_by.map_or(Ok(()), |error| Err(error.incomplete()))
-}
-
 #[derive(Default, serde::Serialize)]
 struct TopicStatistics {
     messages: u64,
@@ -78,7 +76,6 @@ struct TopicStatistics {
     last: u64,
 }
 
-/// The content of a recording.
 #[derive(Default, serde::Serialize)]
 struct Content {
     /// Date and time of start and end, UTC.
@@ -149,7 +146,11 @@ impl Content {
 /// Prints the content of a recording, or extracts it.
 pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
     if let Some(output) = &arguments.output {
-        return write_extracted(&arguments.recording, output);
+        let extracted = extract(&arguments.recording, output)?;
+        for (name, what) in &extracted.files {
+            println!("{what:>16}  {}", output.join(name).display());
+        }
+        return extracted.stopped_by.map_or(Ok(()), |error| Err(error.incomplete()));
     }
     let mut records = Records::open(&arguments.recording)?;
     let content = Content::read(&mut records);
@@ -159,4 +160,159 @@ pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
         content.print();
     }
     records.stopped_by().map_or(Ok(()), |error| Err(error.incomplete()))
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris record report trial.mcap
+  i2ris record report trial.mcap --output page.html
+  i2ris record report trial.mcap --json
+  i2ris record report reach-study                  all trials of a study, page and CSV
+
+The page is self-contained (no network, no scripts) and prints on A4.")]
+pub struct ReportArguments {
+    /// Recording, complete or truncated; or the folder of a study
+    recording: PathBuf,
+    /// HTML file to write [default: next to the recording]
+    #[arg(long, short, value_name = "FILE.html")]
+    output: Option<PathBuf>,
+    /// Print the numbers as JSON; a page is written only with --output
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn report(arguments: &ReportArguments) -> Result<(), Failure> {
+    if arguments.recording.is_dir() {
+        return report_study(arguments);
+    }
+    let report = while_working("reading", || TrialReport::read(&arguments.recording))?;
+    let page = (!arguments.json).then(|| arguments.recording.with_extension("html"));
+    let output = arguments.output.clone().or(page);
+    if let Some(output) = &output {
+        files::write(output, report.html())?;
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print!("{}", report.text());
+        if let Some(output) = &output {
+            println!("written: {}", output.display());
+        }
+    }
+    report.cut_off.map_or(Ok(()), |reason| {
+        let sentence = format!("the recording is not complete: {reason}");
+        Err(Coded { code: INCOMPLETE, sentence }.into())
+    })
+}
+
+/// Writes the page of all trials of a study, and its numbers as CSV next to it.
+fn report_study(arguments: &ReportArguments) -> Result<(), Failure> {
+    let folder = &arguments.recording;
+    let report = while_working("reading", || StudyReport::read(folder))?;
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print!("{}", report.text());
+    }
+    let page = (!arguments.json).then(|| folder.join("report.html"));
+    let Some(output) = arguments.output.clone().or(page) else { return Ok(()) };
+    files::write(&output, report.html())?;
+    let name = output.file_stem().unwrap_or_default().to_string_lossy();
+    for (end, table) in report.tables()? {
+        files::write(&output.with_file_name(format!("{name}{end}.csv")), table)?;
+    }
+    if !arguments.json {
+        let csv = output.with_file_name(format!("{name}*.csv"));
+        println!("written: {}, {}", output.display(), csv.display());
+    }
+    Ok(())
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris record replay                      save the last seconds, print the path, and replay them
+  i2ris record replay 20260131-120000-fault.box --events")]
+pub struct ReplayArguments {
+    /// Black box: a file that i2ris-control wrote on a fault or at its end [default: the last
+    /// seconds of the running controller, which writes them first]
+    file: Option<PathBuf>,
+    /// Also print every event
+    #[arg(long)]
+    events: bool,
+    #[command(flatten)]
+    domain: DomainOption,
+}
+
+/// Has the running controller write its black box, and prints the path.
+fn saved(domain: &DomainOption) -> Result<PathBuf, Failure> {
+    let mut client = Client::connect(&domain.domain()?, CONNECT_TIMEOUT)?;
+    let file = while_working("the controller writes", || client.write_black_box())?;
+    println!("{}", file.display());
+    Ok(file)
+}
+
+/// Replays a black box. A tick with a different result is a failure.
+pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
+    let file = arguments.file.clone().map_or_else(|| saved(&arguments.domain), Ok)?;
+    let content = while_working("reading", || BlackBox::read(&file))?;
+    print_header(&content);
+    if arguments.events {
+        content.ticks.iter().for_each(|tick| print_events(&tick.outputs));
+    }
+    let ReplayResult { ticks, swaps, skipped, difference } =
+        while_working("replaying", || black_box::replay(&content))?;
+    if skipped > 0 {
+        println!("skipped    {skipped} ticks after a gap, or before the first stored state");
+    }
+    if let Some(difference) = difference {
+        return Err(describe(&difference, ticks).into());
+    }
+    println!("replayed   {ticks} ticks with {swaps} model swaps: identical bit for bit");
+    Ok(())
+}
+
+fn print_header(content: &BlackBox) {
+    let header = &content.header;
+    println!("software   {}", header.software);
+    println!("written    {}, on {}", header.written, header.cause);
+    println!("boot id    {:016x}", header.boot_id);
+    for model in &content.models {
+        println!("model      {} bytes", model.len());
+    }
+    let (first, last) = (content.ticks.first(), content.ticks.last());
+    if let (Some(first), Some(last)) = (first, last) {
+        let seconds =
+            last.timing.tick.started.duration_since(first.timing.tick.started).as_seconds();
+        println!("ticks      {} to {}, {seconds:.3} s", first.number, last.number);
+        println!(
+            "state      {} at the end, last fault: {}",
+            last.outputs.report.state, last.outputs.report.fault
+        );
+    }
+    if header.lost > 0 {
+        println!(
+            "lost       {} ticks since the start, because the recorder was too slow",
+            header.lost
+        );
+    }
+}
+
+fn print_events(outputs: &CycleOutputs) {
+    for event in outputs.events.iter().flatten() {
+        // Refusals come in floods.
+        if !matches!(event.kind, CycleEventKind::Refused { .. }) {
+            println!("           [{:12.6}] {event}", event.stamp.as_seconds());
+        }
+    }
+}
+
+fn describe(difference: &ReplayDifference, ticks: u64) -> String {
+    let ReplayDifference { number, field, recorded, replayed } = difference;
+    format!(
+        "tick {number} differs, after {} identical ones; first different field: {field}\n  \
+         recorded: {recorded}\n  \
+         replayed: {replayed}\nthe file is from a different version of the software or a \
+         different kind of machine, or the software has a bug",
+        ticks.saturating_sub(1)
+    )
 }

@@ -1,13 +1,14 @@
-//! `i2ris record export`: writes recordings as tables, completely or not at all.
+//! `i2ris record export`: writes recordings, trials, or all trials of a study as tables, completely
+//! or not at all.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use std::{fs, io};
 
-use i2ris_record::export::source::{Source, Sources};
-use i2ris_record::export::staged::{MADE_OF, staged};
 use i2ris_record::export::{ExportError, export};
+use i2ris_record::trial::journal::{Journal, Outcome, TrialState};
+use i2ris_record::trial::{STUDY, Study, StudyError};
 use i2ris_report::{Failure, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
@@ -31,35 +32,18 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let sources = Sources::find(&arguments.recordings)?;
-    for (name, why) in &sources.left_out {
+    let Sources { taken, left_out } = Sources::find(&arguments.recordings)?;
+    for (name, why) in &left_out {
         eprintln!("left out: {name}: {why}");
     }
-    if sources.taken.is_empty() {
+    if taken.is_empty() {
         bail!("no trial to export");
     }
-    tables(arguments, &sources)
-}
-
-/// Progress over the recordings, on stderr if that is a terminal.
-fn bar(sources: &[Source]) -> ProgressBar {
-    let target = ProgressDrawTarget::stderr();
-    let bar = ProgressBar::with_draw_target(Some(sources.len() as u64), target);
-    // The template is a constant; with a wrong one the bar would look plain.
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}, {elapsed}") {
-        bar.set_style(style);
-    }
-    bar.enable_steady_tick(Duration::from_millis(200));
-    bar
-}
-
-fn tables(arguments: &Arguments, sources: &Sources) -> Result<(), Failure> {
-    let Sources { taken, left_out } = sources;
-    let bar = bar(taken);
+    let bar = bar(&taken);
     let written = staged(&arguments.output, arguments.overwrite, |folder| {
         let mut rows: BTreeMap<PathBuf, u64> = BTreeMap::new();
         let (mut incomplete, mut recordings) = (Vec::new(), Vec::new());
-        for source in taken {
+        for source in &taken {
             bar.set_message(source.name.clone());
             let within = if taken.len() > 1 { Path::new(&source.name) } else { Path::new("") };
             let (folder, recording) = (folder.join(within), &source.recording);
@@ -92,6 +76,18 @@ fn tables(arguments: &Arguments, sources: &Sources) -> Result<(), Failure> {
     Err(last.incomplete())
 }
 
+/// Progress over the recordings, on stderr if that is a terminal.
+fn bar(sources: &[Source]) -> ProgressBar {
+    let target = ProgressDrawTarget::stderr();
+    let bar = ProgressBar::with_draw_target(Some(sources.len() as u64), target);
+    // The template is a constant; with a wrong one the bar would look plain.
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}, {elapsed}") {
+        bar.set_style(style);
+    }
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
 /// Facts about a recording for readers of the tables.
 fn about(source: &Source, folder: &Path, camera_late_s: Option<f64>) -> Value {
     let trial = source.trial.as_ref();
@@ -105,4 +101,114 @@ fn about(source: &Source, folder: &Path, camera_late_s: Option<f64>) -> Value {
         "outcome": source.outcome(),
         "camera_late_s": camera_late_s,
     })
+}
+
+#[derive(Debug)]
+struct Source {
+    /// Name of the trial, or of the file.
+    name: String,
+    recording: PathBuf,
+    /// Trial from its journal, if it belongs to a study.
+    trial: Option<TrialState>,
+}
+
+/// Recordings to export, and skipped ones with the reason.
+#[derive(Debug, Default)]
+struct Sources {
+    taken: Vec<Source>,
+    left_out: Vec<(String, &'static str)>,
+}
+
+impl Sources {
+    /// Finds recordings by paths of recordings, trials or studies. Skips aborted trials.
+    fn find(paths: &[PathBuf]) -> Result<Self, StudyError> {
+        let mut sources = Self::default();
+        for path in paths {
+            if path.join(STUDY).exists() {
+                for trial in Study::open(path)?.trials()? {
+                    let recording = trial.recording();
+                    sources.add(trial.name, recording, Some(trial.state));
+                }
+            } else if path.is_dir() {
+                let state = Journal::read(path)?;
+                sources.add(name(path), path.join("recording.mcap"), state);
+            } else {
+                let folder = path.parent().unwrap_or(Path::new(""));
+                let state = Journal::read(folder)?;
+                let file = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                let name = if state.is_some() { name(folder) } else { file };
+                sources.add(name, path.clone(), state);
+            }
+        }
+        // Successful trials first: a split is a range of numbers.
+        sources.taken.sort_by_key(|source| match source.outcome() {
+            Some(Outcome::Success) | None => 0,
+            Some(Outcome::Recovery) => 1,
+            Some(Outcome::Failure) => 2,
+            Some(Outcome::Aborted) => 3,
+        });
+        Ok(sources)
+    }
+
+    fn add(&mut self, name: String, recording: PathBuf, trial: Option<TrialState>) {
+        let is_free = |name: &String| self.taken.iter().all(|other| other.name != *name);
+        let others = (2..).map(|number| format!("{name}-{number}"));
+        let name = std::iter::once(name.clone()).chain(others).find(is_free).unwrap_or_default();
+        match trial.as_ref().map(|trial| trial.outcome) {
+            Some(None) => self.left_out.push((name, "still running, or truncated")),
+            Some(Some(Outcome::Aborted)) => self.left_out.push((name, "aborted")),
+            _ => self.taken.push(Source { name, recording, trial }),
+        }
+    }
+}
+
+impl Source {
+    fn outcome(&self) -> Option<Outcome> {
+        self.trial.as_ref().and_then(|trial| trial.outcome)
+    }
+}
+
+fn name(path: &Path) -> String {
+    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// File in every export with its sources. A folder without it is never replaced.
+const MADE_OF: &str = "i2ris-export.json";
+
+/// Writes into a temporary folder and renames it; an error leaves the target unchanged.
+fn staged<T>(
+    folder: &Path,
+    overwrite: bool,
+    write: impl FnOnce(&Path) -> Result<T, ExportError>,
+) -> Result<T, Failure> {
+    let output = format!("--output {}", folder.display());
+    let io = |error: io::Error| Failure::from(format!("{output}: {error}"));
+    let has_files = fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
+    if has_files && !overwrite {
+        bail!("{output}: exists; name another folder, or add --overwrite");
+    }
+    if (folder.exists() && !folder.is_dir()) || (has_files && !folder.join(MADE_OF).exists()) {
+        bail!("{output}: not an export of i2ris (it has no {MADE_OF}); left unchanged");
+    }
+    let sibling = |ending: &str| {
+        let mut name = folder.as_os_str().to_owned();
+        name.push(ending);
+        PathBuf::from(name)
+    };
+    let (part, old) = (sibling(".part"), sibling(".old"));
+    // Left over from an export that was killed.
+    let _ = fs::remove_dir_all(&part);
+    fs::create_dir_all(&part).map_err(io)?;
+    let place = |part: &Path| {
+        if folder.exists() {
+            fs::rename(folder, &old)?;
+        }
+        // If the new folder cannot be moved there, the old one is restored.
+        fs::rename(part, folder).inspect_err(|_| drop(fs::rename(&old, folder)))
+    };
+    let written = write(&part).map_err(Failure::from);
+    let placed = written.and_then(|written| place(&part).map(|()| written).map_err(io));
+    let _ = fs::remove_dir_all(if placed.is_ok() { &old } else { &part });
+    placed
 }

@@ -2,13 +2,9 @@
 //! studies; the black box of a controller.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
-mod black_box;
-mod cameras;
 mod existing;
 mod export;
-mod of_study;
 mod recording;
-mod report;
 mod trial;
 
 use std::process::ExitCode;
@@ -50,13 +46,13 @@ enum Task {
     Info(existing::InfoArguments),
     /// Report on a recorded trial (tracking error, hysteresis, latencies, events), or on all trials
     /// of a study
-    Report(report::Arguments),
+    Report(existing::ReportArguments),
     /// Run the trials of a study: start, mark, stop, list
     #[command(subcommand)]
     Trial(trial::Task),
     /// Save the black box of the running controller (every tick of the last seconds), or take one
     /// of an earlier controller; replay it and compare bit for bit
-    Replay(black_box::Arguments),
+    Replay(existing::ReplayArguments),
 }
 
 fn main() -> ExitCode {
@@ -69,8 +65,8 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         Some(Task::Recover(arguments)) => existing::copy(&arguments),
         Some(Task::Export(arguments)) => export::run(&arguments),
         Some(Task::Info(arguments)) => existing::info(&arguments),
-        Some(Task::Report(arguments)) => report::run(&arguments),
+        Some(Task::Report(arguments)) => existing::report(&arguments),
         Some(Task::Trial(task)) => trial::run(task),
-        Some(Task::Replay(arguments)) => black_box::run(&arguments),
+        Some(Task::Replay(arguments)) => existing::replay(&arguments),
     }
 }

@@ -5,8 +5,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use super::cameras::Cameras;
-use super::of_study::OfStudy;
 use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::client::{Client, Subscriptions};
@@ -14,21 +12,22 @@ use i2ris::ipc::payload::{ModelSlot, Version, unpadded_text};
 use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::model::ModelId;
 use i2ris::model::file::ModelFile;
-use i2ris::process::robot_description;
+use i2ris::process::{robot_description, run_log};
 use i2ris::units::Nanos;
-use i2ris_record::messages::standard;
-use i2ris_record::recorder::run_log::lines_of_run;
+use i2ris_record::messages::{joint_names, snake};
+use i2ris_record::pictures::Cameras;
 use i2ris_record::recorder::{
     AttachedFile, MessageCounts, PictureCounts, RecordingHeader, TrialRecorder,
 };
+use i2ris_record::trial::runner::OfStudy;
 use i2ris_report::programs::served_file;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, bail};
+use serde_json::Value;
 
 /// Waiting time for a controller that is starting.
 pub const CONNECT_TIMEOUT: Nanos = Nanos::from_millis(2000);
 /// Time between two reads. Buffers hold an eighth of a second.
 const READ_PERIOD: Nanos = Nanos::from_millis(4);
-const JSON_LINES: &str = "application/jsonl";
 /// Time between two updates of the terminal.
 const DRAW_PERIOD: Nanos = Nanos::from_millis(500);
 
@@ -66,7 +65,6 @@ fn above_zero(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "must be a number above 0".to_owned())
 }
 
-/// Records until it is stopped.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let output = arguments.output.as_deref().ok_or("give --output FILE.mcap")?;
     let interrupt = Interrupt::catch()?;
@@ -85,27 +83,26 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let preflight = of_study.as_ref().map(|study| study.preflight.clone()).unwrap_or_default();
     header.about.insert("preflight".to_owned(), preflight);
     let mut trial = TrialRecorder::start(output, header)?;
-    let mut inputs = Inputs {
-        subscriptions: Subscriptions::new(&client.watcher(), Stream::ALL),
-        start: clock::now(),
-        cameras: Cameras::new(&arguments.domain.domain()?),
-    };
-    let absent = record(arguments, &interrupt, &mut inputs, &mut trial, &mut of_study);
-    let Inputs { subscriptions, cameras, start } = inputs;
+    let mut inputs = (
+        Subscriptions::new(&client.watcher(), Stream::ALL),
+        Cameras::new(&arguments.domain.domain()?),
+    );
+    let start = clock::now();
+    let absent = record(arguments, &interrupt, start, &mut inputs, &mut trial, &mut of_study);
+    let (subscriptions, cameras) = inputs;
     let length_s = clock::now().duration_since(start).as_seconds();
     let missed: BTreeMap<Stream, u64> = subscriptions.missed().collect();
-    let mut outcome: BTreeMap<String, String> = missed
-        .iter()
-        .map(|(stream, count)| (format!("missed {}", stream.name()), count.to_string()))
-        .collect();
+    let each = missed.iter();
+    let each = each.map(|(stream, count)| (format!("missed {}", stream.name()), count.to_string()));
+    let mut outcome: BTreeMap<String, String> = each.collect();
     outcome.insert("dropped".to_owned(), trial.counts().dropped.to_string());
     outcome.insert("length_s".to_owned(), length_s.to_string());
     outcome.extend(cameras.outcome(trial.counts()));
     // The run log has causes and callers, which the streams do not have.
-    let run_log = config.and_then(|found| run_log(&found.1, "audit.jsonl", version.boot_id));
+    let log = config.and_then(|found| lines_of_run(&found.1, "audit.jsonl", version.boot_id));
     // Models activated since the last read.
     let mut attachments = models.take_new(&mut client);
-    attachments.extend(run_log);
+    attachments.extend(log);
     let counts = trial.finish(outcome, &attachments);
     if let Some(of_study) = &mut of_study {
         if let Err(error) = &counts {
@@ -118,8 +115,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The configuration of the controller: the file that it was started with, or the named one, which
-/// must be the same.
+/// The file that the controller was started with, or the named one, which must be the same.
 fn served_configuration(
     named: Option<&Path>,
     version: &Version,
@@ -151,32 +147,30 @@ fn served_configuration(
     Ok(Some((path.to_owned(), config)))
 }
 
-/// The run log as an attachment, if it has lines of this run.
-fn run_log(config: &Config, name: &str, boot_id: u64) -> Option<AttachedFile> {
-    let lines = lines_of_run(&config.record_folder, boot_id);
-    lines.map(|content| attachment(name.to_owned(), JSON_LINES, content))
+/// The lines of this run in the run log as an attachment, unchanged; `None` if it has none.
+fn lines_of_run(config: &Config, name: &str, boot_id: u64) -> Option<AttachedFile> {
+    let text = fs::read_to_string(config.record_folder.join(run_log::FILE)).ok()?;
+    let run = format!("{boot_id:016x}");
+    let is_of_run =
+        |line: &&str| serde_json::from_str(line).is_ok_and(|entry: Value| entry["run"] == *run);
+    let lines: String = text.lines().filter(is_of_run).map(|line| format!("{line}\n")).collect();
+    let media_type = "application/jsonl";
+    (!lines.is_empty()).then(|| attachment(name.to_owned(), media_type, lines.into_bytes()))
 }
 
 fn attachment(name: String, media_type: &'static str, content: Vec<u8>) -> AttachedFile {
     AttachedFile { name, media_type, content }
 }
 
-/// Sources of a recording, and its start.
-struct Inputs {
-    subscriptions: Subscriptions,
-    cameras: Cameras,
-    start: Nanos,
-}
-
 /// Records to the end. Returns the time without a controller.
 fn record(
     arguments: &Arguments,
     interrupt: &Interrupt,
-    Inputs { subscriptions, cameras, start }: &mut Inputs,
+    start: Nanos,
+    (subscriptions, cameras): &mut (Subscriptions, Cameras),
     trial: &mut TrialRecorder,
     of_study: &mut Option<OfStudy>,
 ) -> Result<Nanos, Failure> {
-    let start = *start;
     let end = arguments.duration_s.map(|seconds| start + Nanos((seconds * 1e9) as u64));
     let mut screen = Screen::stdout();
     let (mut next_draw, mut before, mut absent) = (start, start, Nanos::ZERO);
@@ -222,38 +216,34 @@ fn header(
     note: &str,
     version: &Version,
     config: Option<&(PathBuf, Config)>,
-    models: Vec<AttachedFile>,
+    mut attachments: Vec<AttachedFile>,
 ) -> Result<RecordingHeader, Failure> {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
     let [major, minor, patch] = version.software;
     let model = version.model_id.map(|byte| format!("{byte:02x}")).concat();
     let model = if version.model_id == [0; 32] { "none".to_owned() } else { model };
-    let mut about: BTreeMap<String, String> = [
+    let about = [
         ("recorder", format!("i2ris {}", env!("CARGO_PKG_VERSION"))),
         ("controller", format!("i2ris-control {major}.{minor}.{patch}")),
         ("boot_id", format!("{:016x}", version.boot_id)),
         ("model_id", model),
         ("note", note.to_owned()),
-    ]
-    .map(|(name, value)| (name.to_owned(), value))
-    .into();
-    let robot = unpadded_text(&version.robot_id);
-    if !robot.is_empty() {
-        about.insert("robot_id".to_owned(), robot);
-    }
-    let mut attachments = models;
+    ];
+    let robot = Some(unpadded_text(&version.robot_id)).filter(|robot| !robot.is_empty());
+    let about = about.into_iter().chain(robot.map(|robot| ("robot_id", robot)));
+    let about = about.map(|(name, value)| (name.to_owned(), value)).collect();
     if let Some((path, config)) = config {
         attachments.push(attachment(name(path), "application/toml", read(path)?));
-        attachments.extend(run_log(config, "audit-begin.jsonl", version.boot_id));
+        attachments.extend(lines_of_run(config, "audit-begin.jsonl", version.boot_id));
     }
     let unix_offset_ns = unix.wrapping_sub(clock::now().0);
     Ok(RecordingHeader {
         about,
         attachments,
         unix_offset_ns,
-        joints: standard::names(version),
-        frame: standard::snake().base(),
-        urdf: standard::snake().urdf(),
+        joints: joint_names(version),
+        frame: snake().base(),
+        urdf: snake().urdf(),
         picture_budget: 0,
     })
 }
@@ -263,8 +253,7 @@ fn header(
 struct RecordedModels(BTreeSet<ModelId>);
 
 impl RecordedModels {
-    /// Returns the files of the current and previous models that are not attached yet. A file that
-    /// no longer holds the model is not attached.
+    /// The files that are not attached yet, as far as they still hold their model.
     fn take_new(&mut self, client: &mut Client) -> Vec<AttachedFile> {
         let Ok(reply) = client.models() else {
             // The controller has ended, and its models are unknown.
@@ -273,20 +262,16 @@ impl RecordedModels {
         let [used, _, previous] = reply.slots;
         // Models used only before the recording are not part of it.
         let is_first = self.0.is_empty();
-        let slots = [Some(used), (!is_first).then_some(previous)];
-        slots
-            .into_iter()
-            .flatten()
-            .filter(|slot| slot.flags & ModelSlot::PRESENT != 0)
-            .filter_map(|slot| {
-                let id = ModelId(slot.model_id);
-                self.0.insert(id).then(|| model_file(&slot, id)).flatten()
-            })
-            .collect()
+        let slots = [Some(used), (!is_first).then_some(previous)].into_iter().flatten();
+        let known = slots.filter(|slot| slot.flags & ModelSlot::PRESENT != 0);
+        let new = known.filter_map(|slot| {
+            let id = ModelId(slot.model_id);
+            self.0.insert(id).then(|| model_file(&slot, id)).flatten()
+        });
+        new.collect()
     }
 }
 
-/// The file of a model, if it still holds this model.
 fn model_file(slot: &ModelSlot, id: ModelId) -> Option<AttachedFile> {
     let path = PathBuf::from(unpadded_text(&slot.file));
     let found = ModelFile::read(&path).and_then(|model| model.id());
@@ -321,13 +306,11 @@ fn print_outcome(
     absent: Nanos,
 ) {
     let output = arguments.output.as_deref().unwrap_or(Path::new(""));
-    let by_stream = || {
-        let streams = Stream::ALL.iter();
-        streams.map(|stream| (*stream, counts.messages.get(stream).copied().unwrap_or(0)))
-    };
+    let count = |stream: &Stream| (*stream, counts.messages.get(stream).copied().unwrap_or(0));
+    let by_stream = Stream::ALL.iter().map(count);
     if arguments.json {
         let messages: serde_json::Map<_, _> =
-            by_stream().map(|(stream, count)| (stream.name().into(), count.into())).collect();
+            by_stream.map(|(stream, count)| (stream.name().into(), count.into())).collect();
         let report = serde_json::json!({
             "file": output, "length_s": length_s, "messages": messages, "missed": lost,
             "dropped": counts.dropped, "without_controller_s": absent.as_seconds(),
@@ -340,7 +323,7 @@ fn print_outcome(
         output.display(),
         counts.dropped
     );
-    for (stream, count) in by_stream() {
+    for (stream, count) in by_stream {
         println!("  {:<24} {count:>9}  {:>7.1} Hz", stream.name(), counts.rate_hz(stream));
     }
     for (view, pictures) in &counts.pictures {

@@ -7,14 +7,13 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use i2ris::clock;
-use i2ris_record::trial::code::{Condition, Participant};
-use i2ris_record::trial::journal::{Journal, Outcome};
-use i2ris_record::trial::order::order;
+use i2ris_record::trial::journal::{Event, Journal, Outcome, TrialState, time};
+use i2ris_record::trial::participant::{Condition, Participant, SCALES, Workload, order};
 use i2ris_record::trial::runner::Plan;
-use i2ris_record::trial::workload::{SCALES, Workload};
 use i2ris_record::trial::{Study, StudyError, TrialFolder};
 use i2ris_report::preflight::Preflight;
 use i2ris_report::{DomainOption, Failure, bail};
+use serde_json::Map;
 
 #[derive(Debug, clap::Args)]
 pub struct InStudy {
@@ -36,8 +35,7 @@ impl InStudy {
     }
 }
 
-/// Studies with a trial being recorded in the domain of this terminal: recorders have both on the
-/// command line.
+/// Studies with a trial being recorded in this domain, by the command lines of recorders.
 fn running() -> Vec<PathBuf> {
     let domain = std::env::var_os("I2RIS_DOMAIN").unwrap_or_else(|| "i2ris".into());
     let study = |process: &Path| {
@@ -144,9 +142,9 @@ pub fn run(task: Task) -> Result<(), Failure> {
     match task {
         Task::New { study, condition } => {
             let software = format!("i2ris {}", env!("CARGO_PKG_VERSION"));
-            Study::create(&study, condition, &software)?;
+            let made = Study::create(&study, condition, &software)?;
             println!("made: {}; `i2ris record trial start --study {0}`", study.display());
-            orders(&Study::open(&study)?);
+            orders(&made);
         }
         Task::Start { study, domain, participant, condition, task, note } => {
             let folder = study.study;
@@ -188,7 +186,7 @@ pub fn run(task: Task) -> Result<(), Failure> {
         Task::Workload { name, answers, study } => {
             let trial = study.open()?.ended(name.as_deref())?;
             let answers = answers.map_or_else(|| ask(&trial.name), Ok)?;
-            Journal::open(&trial.folder)?.workload(answers)?;
+            Journal::open(&trial.folder)?.append(&Event::Workload { time: time(), answers })?;
             println!("{}: workload {:.0} of 100", trial.name, answers.mean());
         }
         Task::List { name: None, study, json } => list(&study.open()?, json)?,
@@ -220,45 +218,38 @@ fn ask(trial: &str) -> Result<Workload, Failure> {
 fn line(trial: &TrialFolder) -> String {
     let state = &trial.state;
     let outcome = match (state.outcome, &state.failed) {
-        (Some(Outcome::Success), _) => "success",
-        (Some(Outcome::Failure), _) => "failure",
-        (Some(Outcome::Recovery), _) => "recovery",
-        (Some(Outcome::Aborted), _) => "aborted",
-        (None, Some(_)) => "running, but no longer recorded",
-        (None, None) => "running, or truncated",
+        (Some(outcome), _) => outcome.name(),
+        (None, Some(_)) => "running, but no longer recorded".to_owned(),
+        (None, None) => "running, or truncated".to_owned(),
     };
     let marks = match state.marks.len() {
         1 => "1 mark".to_owned(),
         count => format!("{count} marks"),
     };
     let name = &trial.name;
-    format!("{name:<28} {}  {outcome}, {marks}  {} {}", state.started, state.task, state.note)
-        .trim_end()
-        .to_owned()
+    let TrialState { started, task, note, .. } = state;
+    format!("{name:<28} {started}  {outcome}, {marks}  {task} {note}").trim_end().to_owned()
 }
 
 fn list(study: &Study, json: bool) -> Result<(), Failure> {
     let trials = study.trials()?;
     if json {
-        let trials: serde_json::Map<_, _> = trials
-            .into_iter()
-            .map(|trial| Ok((trial.name, serde_json::to_value(trial.state)?)))
-            .collect::<Result<_, serde_json::Error>>()?;
-        println!("{}", serde_json::to_string_pretty(&trials)?);
-    } else if trials.is_empty() {
+        let value = |trial: TrialFolder| Ok((trial.name, serde_json::to_value(trial.state)?));
+        let trials: serde_json::Result<Map<_, _>> = trials.into_iter().map(value).collect();
+        println!("{}", serde_json::to_string_pretty(&trials?)?);
+        return Ok(());
+    }
+    if trials.is_empty() {
         println!("no trial yet; `i2ris record trial start` starts one");
-    } else {
-        trials.iter().for_each(|trial| println!("{}", line(trial)));
     }
-    if !json {
-        orders(study);
-    }
+    trials.iter().for_each(|trial| println!("{}", line(trial)));
+    orders(study);
     Ok(())
 }
 
 /// Prints the square; participants beyond its last row start at the first again.
 fn orders(study: &Study) {
-    let conditions = study.conditions();
+    let conditions = &study.conditions;
     let rows = conditions.len() * (1 + conditions.len() % 2);
     for row in 0..rows {
         let names = order(conditions.len(), row).into_iter().map(|it| conditions[it].to_string());

@@ -6,8 +6,6 @@
 //! messages that do not fit are dropped and counted. If the disk is full, the recording ends with
 //! an error. Pictures have a budget, on the disk and in the queue; states are recorded beyond it.
 
-pub mod run_log;
-
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter};
@@ -25,9 +23,7 @@ use i2ris_report::ros::{CompressedImage, Text};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 
-use crate::messages::cdr;
-use crate::messages::standard::StandardMessages;
-use crate::messages::topic::{Topic, TopicSchema};
+use crate::messages::{StandardMessages, Topic, TopicSchema, cdr};
 use crate::pictures::{self, Picture};
 
 /// Maximum loss if the program is killed.
@@ -42,16 +38,13 @@ const PICTURE_QUEUE: usize = 64 << 20;
 
 /// Name of the metadata at the start.
 pub const HEADER: &str = "i2ris.header";
-/// Its entry with the names of the joints.
 pub const JOINTS: &str = "joints";
-/// Entry of the metadata at the end with the delay of the camera's stamps, s, measured from the
-/// motion of the snake, and with its standard deviation.
+/// Entries at the end: delay of the camera's stamps, s, and its standard deviation.
 pub const ALIGNMENT: &str = "camera_late_s";
 pub const ALIGNMENT_DEVIATION: &str = "camera_late_deviation_s";
 /// Name of the metadata at the end of a recording that ended without an error.
 pub const OUTCOME: &str = "i2ris.outcome";
 
-/// Reason why a recording cannot start, or ended.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     #[error(
@@ -97,20 +90,16 @@ pub struct RecordingHeader {
     pub frame: String,
     /// The robot as a URDF; empty: none.
     pub urdf: String,
-    /// Bytes of pictures that may be written.
     pub picture_budget: u64,
 }
 
-/// Numbers of messages.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct MessageCounts {
-    /// Messages of each stream.
     pub messages: BTreeMap<Stream, u64>,
     /// Stamps of the first and the last message of each stream.
     pub spans: BTreeMap<Stream, (Nanos, Nanos)>,
     /// Messages that were dropped because the queue was full.
     pub dropped: u64,
-    /// Pictures of each view.
     pub pictures: BTreeMap<String, PictureCounts>,
 }
 
@@ -125,7 +114,6 @@ pub struct PictureCounts {
 
 type McapFile = Writer<BufWriter<File>>;
 
-/// Destination of a message.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 enum Channel {
     Topic(Topic),
@@ -153,7 +141,6 @@ struct QueuedMessage {
 }
 
 impl MessageCounts {
-    /// Messages of a stream per second, between its first and its last one.
     pub fn rate_hz(&self, stream: Stream) -> f64 {
         let messages = self.messages.get(&stream).copied().unwrap_or(0);
         let span = self.spans.get(&stream);
@@ -166,7 +153,6 @@ pub fn rate_hz(messages: u64, span: Nanos) -> f64 {
     if span == Nanos::ZERO { 0.0 } else { (messages as f64 - 1.0) / span.as_seconds() }
 }
 
-/// A recording in progress.
 #[derive(Debug)]
 pub struct TrialRecorder {
     path: PathBuf,
@@ -192,11 +178,9 @@ impl TrialRecorder {
         let file = write_header(file, &header)
             .map_err(|source| RecordError::Write { path: path.to_owned(), source })?;
         let (queue, messages) = sync_channel(QUEUE_LENGTH);
-        let has_failed = Arc::new(AtomicBool::new(false));
-        let failure = Arc::clone(&has_failed);
+        let (has_failed, waiting) = (Arc::<AtomicBool>::default(), Arc::<AtomicUsize>::default());
+        let (failure, written) = (Arc::clone(&has_failed), Arc::clone(&waiting));
         let unix_offset_ns = header.unix_offset_ns;
-        let waiting = Arc::new(AtomicUsize::new(0));
-        let written = Arc::clone(&waiting);
         let thread = thread::spawn(move || {
             let outcome = write_messages(file, &disk, unix_offset_ns, &messages, &written);
             failure.store(outcome.is_err(), Ordering::Release);
@@ -219,7 +203,6 @@ impl TrialRecorder {
         self.has_failed.load(Ordering::Acquire)
     }
 
-    /// The messages so far.
     pub fn counts(&self) -> &MessageCounts {
         &self.counts
     }
@@ -251,8 +234,7 @@ impl TrialRecorder {
         let is_full = self.waiting.load(Ordering::Relaxed) + size > PICTURE_QUEUE;
         let unix_ns = stamp.0.wrapping_add(self.standard.unix_offset_ns);
         let bytes = Picture { unix_ns, jpeg: jpeg.to_vec() }.encode(view);
-        let number = counts.recorded + 1;
-        let length = bytes.len();
+        let (number, length) = (counts.recorded + 1, bytes.len());
         let channel = Channel::View(view.to_owned());
         let message = QueuedMessage { channel, sequence: number as u32, stamp, received, bytes };
         // Added before sending: the thread subtracts it after writing.
@@ -297,7 +279,7 @@ impl TrialRecorder {
         let written = joined.ok_or_else(|| RecordError::Thread { path: path.clone() })?;
         let finish = |mut file: McapFile| {
             attach(&mut file, attachments, self.standard.unix_offset_ns)?;
-            write_metadata(&mut file, OUTCOME, outcome)?;
+            file.write_metadata(&Metadata { name: OUTCOME.to_owned(), metadata: outcome })?;
             file.finish().map(drop)
         };
         let finished = written.and_then(finish);
@@ -320,7 +302,7 @@ fn write_header(file: File, header: &RecordingHeader) -> Result<McapFile, McapEr
     if !header.joints.is_empty() {
         about.insert(JOINTS.to_owned(), header.joints.join(" "));
     }
-    write_metadata(&mut file, HEADER, about)?;
+    file.write_metadata(&Metadata { name: HEADER.to_owned(), metadata: about })?;
     attach(&mut file, &header.attachments, header.unix_offset_ns)?;
     for topic in Topic::all() {
         topic.declare(&mut file)?;
@@ -351,14 +333,6 @@ fn describe(file: &mut McapFile, header: &RecordingHeader) -> Result<(), McapErr
     attach(file, &[attachment], header.unix_offset_ns)
 }
 
-fn write_metadata(
-    file: &mut McapFile,
-    name: &str,
-    metadata: BTreeMap<String, String>,
-) -> Result<(), McapError> {
-    file.write_metadata(&Metadata { name: name.to_owned(), metadata })
-}
-
 fn attach(
     file: &mut McapFile,
     attachments: &[AttachedFile],
@@ -377,7 +351,6 @@ fn attach(
     Ok(())
 }
 
-/// Writes messages until the sender is gone.
 fn write_messages(
     mut file: McapFile,
     disk: &File,
