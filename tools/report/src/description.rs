@@ -78,14 +78,10 @@ impl Argument {
             (false, true) => ArgAction::Count,
             (false, false) => ArgAction::SetTrue,
         };
-        let values = self.values.into_iter().map(|(name, help)| {
-            let value = PossibleValue::new(name);
-            match help {
-                Some(help) => value.help(help),
-                None => value,
-            }
-        });
-        let values: Vec<PossibleValue> = values.collect();
+        let value = |(name, help): (String, Option<String>)| {
+            PossibleValue::new(name).help(Resettable::from(help.map(StyledStr::from)))
+        };
+        let values: Vec<PossibleValue> = self.values.into_iter().map(value).collect();
         let arg = Arg::new(self.id)
             .short(self.short)
             .long(Resettable::from(self.long.map(Str::from)))

@@ -89,7 +89,7 @@ pub fn describe(command: &clap::Command) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Memory limit of a program beside the controller, bytes: many times its needs.
+/// Memory limit of a program on the computer of the controller, bytes: many times its needs.
 const MEMORY: u64 = 2 << 30;
 
 /// Limits a program that strangers can send to: one forged message must not take the memory of the

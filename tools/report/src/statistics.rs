@@ -4,6 +4,8 @@
 //! caller leaves them out. For histograms of durations with a fixed resolution use the crate
 //! `hdrhistogram`.
 
+use std::ops::Deref;
+
 pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let (count, sum) =
         values.into_iter().fold((0_usize, 0.0), |(count, sum), value| (count + 1, sum + value));
@@ -123,22 +125,14 @@ impl<const N: usize> TimeSeries<N> {
         let share = (stamp_ns - t0) as f64 / (t1 - t0) as f64;
         (t1 - t0 <= gap_ns).then(|| interpolate(a, b, share))
     }
+}
 
-    /// All samples: stamps in ns, and values.
-    pub fn iter(&self) -> impl Iterator<Item = &(u64, [f64; N])> {
-        self.samples.iter()
-    }
+/// Reads as a slice of stamps in ns and values.
+impl<const N: usize> Deref for TimeSeries<N> {
+    type Target = [(u64, [f64; N])];
 
-    pub fn get(&self, index: usize) -> Option<&(u64, [f64; N])> {
-        self.samples.get(index)
-    }
-
-    pub fn last(&self) -> Option<&(u64, [f64; N])> {
-        self.samples.last()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.samples.is_empty()
+    fn deref(&self) -> &Self::Target {
+        &self.samples
     }
 }
 
