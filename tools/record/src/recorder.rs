@@ -112,7 +112,7 @@ pub struct PictureCounts {
     pub over_budget: u64,
 }
 
-type McapFile = Writer<BufWriter<File>>;
+pub(crate) type McapFile = Writer<BufWriter<File>>;
 
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 enum Channel {

@@ -6,7 +6,6 @@ pub mod cdr;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
     FieldType, JointState, OperatingStateMsg, PayloadLayout, ServoJp, Version, unpadded_text,
@@ -16,6 +15,7 @@ use i2ris::units::Nanos;
 use i2ris_report::ros::{self, Header, PoseStamped, SEPARATOR, Text, Transforms, Typed};
 use i2ris_report::snake::{Bend, Snake};
 
+use crate::recorder::McapFile;
 use cdr::encode_standard;
 
 /// Name of the schema language in MCAP.
@@ -91,10 +91,7 @@ impl Topic {
     }
 
     /// Declares the topic in a file and returns its channel number.
-    pub(crate) fn declare<W: Write + Seek>(
-        self,
-        file: &mut mcap::Writer<W>,
-    ) -> mcap::McapResult<u16> {
+    pub(crate) fn declare(self, file: &mut McapFile) -> mcap::McapResult<u16> {
         self.schema().declare(file, &self.name())
     }
 }
@@ -105,11 +102,7 @@ impl TopicSchema {
     }
 
     /// Declares a topic of this schema in a file and returns its channel number.
-    pub(crate) fn declare<W: Write + Seek>(
-        &self,
-        file: &mut mcap::Writer<W>,
-        topic: &str,
-    ) -> mcap::McapResult<u16> {
+    pub(crate) fn declare(&self, file: &mut McapFile, topic: &str) -> mcap::McapResult<u16> {
         let schema = file.add_schema(&self.name, SCHEMA_ENCODING, self.definition.as_bytes())?;
         file.add_channel(schema, topic, cdr::ENCODING, &BTreeMap::new())
     }

@@ -121,10 +121,9 @@ impl TargetScore {
 /// Scores the reaches of a trial by the camera, or without one by the model's estimate; `None`:
 /// without reaches, or without an observed pose.
 pub fn reach_score(trial: &Trial) -> Option<ReachScore> {
-    let (by, series) = trial.observed();
-    let samples: Vec<Sample> = series.iter().copied().collect();
+    let (by, samples) = trial.observed();
     let rests = rests(&trial.goal);
-    let reaches = rests.windows(2).filter_map(|pair| reach(trial, &samples, pair[0], pair[1]));
+    let reaches = rests.windows(2).filter_map(|pair| reach(trial, samples, pair[0], pair[1]));
     let reaches: Vec<Reach> = reaches.collect();
     let arrived: Vec<f64> = reaches.iter().filter_map(|reach| reach.arrived_s).collect();
     Some(ReachScore {
@@ -138,11 +137,10 @@ pub fn reach_score(trial: &Trial) -> Option<ReachScore> {
 
 /// Scores the targets of a trial; `None`: without targets, or without an observed pose.
 pub fn target_score(trial: &Trial) -> Option<TargetScore> {
-    let (_, series) = trial.observed();
-    let samples: Vec<Sample> = series.iter().copied().collect();
+    let (_, samples) = trial.observed();
     let ended = || trial.targets.iter().filter(|target| target.flags & ReachTarget::ENDED != 0);
     let targets: Vec<TargetReach> =
-        ended().filter_map(|shown| target(trial, &samples, shown)).collect();
+        ended().filter_map(|shown| target(trial, samples, shown)).collect();
     let last = ended().next_back()?;
     let by = if last.flags & ReachTarget::BY_CAMERA != 0 { "camera" } else { "estimate" };
     let held_s: Vec<f64> = targets.iter().filter_map(|target| target.held_s).collect();
@@ -240,9 +238,8 @@ fn overshoot_deg(samples: &[Sample], from: [f64; 2], to: [f64; 2]) -> f64 {
 
 /// Length of the path between two stamps.
 fn path_deg(series: &TimeSeries<2>, from_ns: u64, to_ns: u64) -> f64 {
-    let path = series.iter().filter(|(stamp, _)| (from_ns..=to_ns).contains(stamp));
-    let path: Vec<[f64; 2]> = path.map(|(_, value)| *value).collect();
-    path.windows(2).map(|pair| distance(pair[0], pair[1])).sum()
+    let path = between(series, from_ns, to_ns).unwrap_or_default();
+    path.windows(2).map(|pair| distance(pair[0].1, pair[1].1)).sum()
 }
 
 /// The first stamp from which two means in a row are at the end.
