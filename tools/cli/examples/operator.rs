@@ -8,18 +8,14 @@
 //! `operator PIPE PARTICIPANT [DOMAIN]`; `tools/manual/study.sh` uses it.
 #![allow(clippy::print_stdout, reason = "an example for the command line")]
 
-use std::collections::VecDeque;
-use std::error::Error;
 use std::fs::{File, OpenOptions};
+use std::{collections::VecDeque, error::Error};
 
-use i2ris::clock;
-use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Latest, Watcher};
 use i2ris::ipc::payload::{ExternalPosition, ReachTarget, TeleopMsg};
-use i2ris::units::Nanos;
-use i2ris_teleop::evdev_decoder::encode;
+use i2ris::{clock, ipc::Domain, units::Nanos};
 use i2ris_teleop::recording::{write_frame, write_head};
-use i2ris_teleop::state::Description;
+use i2ris_teleop::{evdev_decoder::encode, state::Description};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -29,20 +25,16 @@ const X: u16 = 0;
 const Y: u16 = 1;
 const DEAD_MAN: u16 = 0x137;
 const FULL: f64 = 32767.0;
-/// Speed at full deflection, deg/s.
 const FULL_SPEED_DEG_S: f64 = 10.0;
 const PERIOD: Nanos = Nanos::from_millis(20);
-/// Smallest visible error, deg.
 const SEES_DEG: f64 = 0.06;
 
-/// Control behaviour of an operator.
 struct Hand {
     gain_per_s: f64,
     reaction: Nanos,
     /// Noise, relative to the deflection.
     noise: f64,
     random: Pcg64,
-    /// Errors seen but not yet answered.
     seen: VecDeque<(Nanos, [f64; 2])>,
     answered: [f64; 2],
 }

@@ -1,24 +1,18 @@
 //! `i2ris calibrate collect` against a controller without drives and a camera without a lens; then
 //! a whole calibration on emulated drives.
 
-use std::fs;
-use std::path::Path;
+use std::{fs, path::Path};
 
-use i2ris::clock;
-use i2ris::config::Config;
-use i2ris::ipc::client::ExternalPublisher;
 use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand};
-use i2ris::model::Model;
-use i2ris::process::robot_description;
-use i2ris::units::Nanos;
+use i2ris::{clock, config::Config, ipc::client::ExternalPublisher};
+use i2ris::{model::Model, process::robot_description, units::Nanos};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_testing::bench::{
     WorkFolder, assert_says, ends, expect_stalls, interrupt, start, succeeds,
 };
 use i2ris_testing::{Background, Controller, Program, Rig, wait_until};
-use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{JointPose, Rig as Scene};
-use i2ris_vision::scene_setup::setup;
+use i2ris_vision::{drawing::save_grey, scene_setup::setup};
 
 const ROBOT: &str = "
     robot_id = 'fake'
@@ -32,14 +26,10 @@ const ROBOT: &str = "
     ]
 ";
 
-/// Frames of a test camera.
 #[derive(Clone, Copy, PartialEq)]
 enum Shows {
-    /// Angles that follow the time.
     Angles,
-    /// Frames without a snake.
     Nothing,
-    /// Frames with stamps of another clock.
     WallClock,
 }
 
@@ -73,7 +63,6 @@ fn collect(bench: &WorkFolder, domain: &Domain, options: &str) -> Program {
     start(domain, &bench.words(&format!("calibrate collect --output @take.csv {options}")))
 }
 
-/// A run that fails and writes nothing.
 #[track_caller]
 fn collects_nothing(bench: &WorkFolder, domain: &Domain, options: &str, parts: &[&str]) {
     let (success, _, error) = collect(bench, domain, options).end();
@@ -120,8 +109,7 @@ fn an_interrupt_stops_softly_and_keeps_the_recording() {
     let mut program = collect(&bench, &controller.domain, "");
     controller.wait("it moves", |robot| robot.places.len() > 300);
     program.interrupt();
-    let result = ends(program, 1, &["interrupted", "kept"]);
-    assert_says(&result.output, &["recorded"]);
+    assert_says(&ends(program, 1, &["interrupted", "kept"]).output, &["recorded"]);
     assert_eq!(controller.robot().lease, 0);
     assert!(read(&bench.path("take.csv")).rows().len() > 20);
     assert_says(&bench.read("take.toml"), &["complete = false", "interrupted"]);
@@ -313,8 +301,7 @@ fn recording_gives_a_model_from_angles_and_from_images() {
     assert_eq!(sidecar["outcome"]["complete"], true, "{printed}");
     assert_eq!(sidecar["robot_id"], "rig");
     // The emulated camera stamps the exposure, so there is no latency to find.
-    let latency = sidecar["latency"]["estimate_ms"].as_f64().unwrap();
-    assert!(latency.abs() < 15.0, "{printed}");
+    assert!(sidecar["latency"]["estimate_ms"].as_f64().unwrap().abs() < 15.0, "{printed}");
 
     let recording = whole.recording("take.csv");
     let (rows, path) = (recording.rows().len(), recording.path());

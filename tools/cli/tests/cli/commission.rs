@@ -3,12 +3,10 @@
 
 use std::fs;
 
-use i2ris::clock;
 use i2ris::config::{Config, HomingMethod};
-use i2ris::ipc::Domain;
+use i2ris::{clock, ipc::Domain};
 use i2ris_simulation::Line;
-use i2ris_testing::bench::assert_says;
-use i2ris_testing::{Program, Rig, Terminal, wait_until};
+use i2ris_testing::{Program, Rig, Terminal, bench::assert_says, wait_until};
 use nix::sys::signal::{Signal, kill};
 use serde_json::{Value, json};
 
@@ -65,9 +63,8 @@ fn interrupted_commissioning_resumes_with_drives_off() {
     let stages = record["stages"].as_array().unwrap().iter();
     let stages: Vec<_> = stages.map(|it| (&it["stage"], &it["outcome"])).collect();
     let expected = [("identify", "done"), ("settings", "done"), ("power", "left")];
-    assert!(
-        stages.iter().zip(expected).all(|(is, it)| (is.0, is.1) == (&it.0.into(), &it.1.into()))
-    );
+    let mut pairs = stages.iter().zip(expected);
+    assert!(pairs.all(|(is, it)| (is.0, is.1) == (&it.0.into(), &it.1.into())));
     assert_eq!(stages.len(), 3, "{stages:?}");
     assert!(result.join("settings.pcapng").exists() && result.join("commission.html").exists());
 
@@ -91,11 +88,9 @@ fn confirmed_findings_are_written_and_the_old_file_kept() {
         let answers = [("1 of 7: identify", "yes\n"), ("Type apply", typed.as_str())];
         let mut terminal = at_terminal(&rig.domain(), &words, &answers);
         assert!(!terminal.end().success());
-        let is_as_it_was = fs::read_to_string(&config).unwrap() == old;
-        assert_eq!(is_as_it_was, word == "no");
+        assert_eq!(fs::read_to_string(&config).unwrap() == old, word == "no");
     }
-    let found = Config::load(&config).unwrap().ports[0].axes[1].serial_number;
-    assert_eq!(found, 62_000_002);
+    assert_eq!(Config::load(&config).unwrap().ports[0].axes[1].serial_number, 62_000_002);
     assert_eq!(fs::read_to_string(config.with_extension("toml.1")).unwrap(), old);
 }
 

@@ -5,26 +5,18 @@
 //! the effect of a push in the image, as a person would. It is a script: its times compare views
 //! with each other, and say nothing about people.
 
-use std::f64::consts::TAU;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use std::{f64::consts::TAU, sync::Mutex, thread};
 
-use i2ris::clock;
-use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Client, ExternalPublisher, Subscription};
-use i2ris::ipc::payload::TeleopMsg;
-use i2ris::units::Nanos;
+use i2ris::{clock, ipc::Domain, ipc::payload::TeleopMsg, units::Nanos};
 use i2ris_simulation::Emulator;
 use i2ris_teleop::space_mouse;
 use i2ris_testing::bench::{interrupt, robot, start};
 use i2ris_testing::{SetOnDrop, TIMEOUT, home_and_enable, wait_until};
-use i2ris_vision::image::GreyImage;
 use i2ris_vision::scene::{JointPose, Rig as Scene};
-use i2ris_vision::scene_setup::setup;
-use i2ris_vision::session::Session;
-use i2ris_vision::source::Frame;
-use i2ris_vision::view_detector::ViewDetector;
+use i2ris_vision::{image::GreyImage, scene_setup::setup};
+use i2ris_vision::{session::Session, source::Frame, view_detector::ViewDetector};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -34,15 +26,11 @@ use crate::played::{Played, identity};
 const NEAR_DEG: f64 = 0.3;
 /// Distance at which the operator lets go: the snake still moves while the image arrives.
 const LET_GO_DEG: f64 = 0.18;
-/// Time limit for a target.
 const PATIENCE: Nanos = Nanos::from_millis(60_000);
 const REST: Nanos = Nanos::from_millis(2000);
-/// Longest period between reports of the hand.
 const REPORT_PERIOD: Nanos = Nanos::from_millis(12);
-/// Speed at full deflection, as started.
 const SPEED_DEG_S: f64 = 10.0;
 
-/// Orientation of the cameras.
 #[derive(Debug, Clone, Copy)]
 struct Look {
     turned_deg: f64,
@@ -92,7 +80,6 @@ fn upside_down(image: &GreyImage) -> GreyImage {
     GreyImage::new(image.width(), image.height(), rows.flatten().copied().collect()).unwrap()
 }
 
-/// An operator with the mouse who sees the image.
 struct Operator<'a> {
     mouse: Played,
     picture: &'a Mutex<Seen>,
@@ -104,7 +91,6 @@ struct Operator<'a> {
     assumed: [[f64; 2]; 2],
 }
 
-/// A target that was reached.
 #[derive(Debug, Clone, Copy)]
 struct Reached {
     time_s: f64,
@@ -167,7 +153,6 @@ impl Operator<'_> {
         push.map(|push| push / size)
     }
 
-    /// Updates the assumed effect by the observed motion of a push.
     fn learn(&mut self, moved: [f64; 2], pushed: [f64; 2]) {
         let (far, much) = (moved[0].hypot(moved[1]), pushed[0].hypot(pushed[1]));
         if far < 0.2 || much < 1e-3 {
@@ -219,10 +204,8 @@ impl Operator<'_> {
             }
             self.push(pushed, REPORT_PERIOD);
             if there >= 4 {
-                return Some(Reached {
-                    time_s: clock::now().duration_since(start).as_seconds(),
-                    path_deg,
-                });
+                let time_s = clock::now().duration_since(start).as_seconds();
+                return Some(Reached { time_s, path_deg });
             }
         }
         None
@@ -256,23 +239,14 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
         let measure = if is_measured { " --view measure" } else { "" };
         let (file, profile) = (mouse.file(), mouse.patient_profile());
         let words = format!("teleop --device {file} --profile {profile}");
-        let words = format!("{words} --speed-deg-s {SPEED_DEG_S}{measure}");
-        let program = start(&domain, &words);
+        let program = start(&domain, &format!("{words} --speed-deg-s {SPEED_DEG_S}{measure}"));
         let watcher = Client::connect(&domain, TIMEOUT).unwrap();
-        let mut operator = Operator {
-            mouse,
-            picture: &picture,
-            teleop: watcher.watcher().teleop(),
-            is_open: true,
-            is_lost: false,
-            tremble: false,
-            assumed: [[0.0; 2]; 2],
-        };
-        wait_until("the view is known", || {
-            operator.teleop.newest().unwrap().is_some_and(|message| {
-                is_measured == (message.flags & TeleopMsg::VIEW_MEASURED != 0)
-            })
-        });
+        let (picture, teleop) = (&picture, watcher.watcher().teleop());
+        let (is_open, is_lost, tremble, assumed) = (true, false, false, [[0.0; 2]; 2]);
+        let mut operator = Operator { mouse, picture, teleop, is_open, is_lost, tremble, assumed };
+        let is_known =
+            |message: TeleopMsg| is_measured == (message.flags & TeleopMsg::VIEW_MEASURED != 0);
+        wait_until("the view is known", || operator.teleop.newest().unwrap().is_some_and(is_known));
         operator.grip();
         let reached = targets.iter().map(|target| operator.reach(*target)).collect();
         interrupt(program);
@@ -282,8 +256,7 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
 
 #[test]
 fn operator_reaches_targets_in_rotated_and_mirrored_image() {
-    let look = Look { turned_deg: 37.0, mirrored: true };
-    let reached = session(look, true, &targets(1, 2));
+    let reached = session(Look { turned_deg: 37.0, mirrored: true }, true, &targets(1, 2));
     assert!(reached.iter().all(Option::is_some), "{reached:?}");
 }
 

@@ -1,15 +1,12 @@
 //! Input devices played through pipes.
 
 use std::fs::{File, OpenOptions};
-use std::io;
-use std::os::unix::fs::OpenOptionsExt;
+use std::{io, os::unix::fs::OpenOptionsExt};
 
-use i2ris::clock;
-use i2ris::units::Nanos;
+use i2ris::{clock, units::Nanos};
 use i2ris_teleop::evdev_decoder::{encode, restamp};
-use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
-use i2ris_teleop::state::Description;
+use i2ris_teleop::{identity::Identity, state::Description};
 use i2ris_testing::bench::WorkFolder;
 use nix::sys::stat::Mode;
 
@@ -34,7 +31,6 @@ pub fn pedal() -> Description {
     Description::new(identity(0x0c45, 0x7403, ""), Vec::new(), vec![KEY_B, KEY_C])
 }
 
-/// A device that is played through a pipe.
 pub struct Played {
     pub bench: WorkFolder,
     pipe: Option<File>,
@@ -79,7 +75,6 @@ impl Played {
         self.try_report(bytes).unwrap();
     }
 
-    /// Fails while the pipe is full.
     pub fn try_report(&mut self, bytes: &[u8]) -> io::Result<()> {
         write_frame(self.pipe.as_mut().unwrap(), clock::now(), bytes)
     }

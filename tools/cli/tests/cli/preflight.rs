@@ -2,18 +2,14 @@
 
 use std::sync::atomic::Ordering;
 
-use i2ris::clock;
-use i2ris::ipc::Domain;
-use i2ris::ipc::client::Client;
-use i2ris::units::Nanos;
+use i2ris::{clock, ipc::Domain, ipc::client::Client, units::Nanos};
 use i2ris_report::preflight::Preflight;
 use i2ris_simulation::ageing::{Change, Course, Parameter};
 use i2ris_testing::bench::{assert_says, end, ends, expect_stalls, fails, run, start, succeeds};
 use i2ris_testing::{Rig, TIMEOUT, Terminal, wait_for};
 use serde_json::Value;
 
-/// The failed checks, by name, and the whole output. Repeated if the machine stalls, which is not a
-/// failure of the robot.
+/// The failed checks, by name, and the whole output. Repeated if the machine stalls.
 fn no_go(domain: &Domain) -> (Vec<String>, String) {
     for _ in 0..10 {
         let result = run(domain, "preflight --enable --json");
@@ -30,7 +26,6 @@ fn no_go(domain: &Domain) -> (Vec<String>, String) {
     panic!("the machine stalls too often");
 }
 
-/// An ENABLED robot with a model and known memory.
 fn conditioned(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
     let mut rig = Rig::with_fitted_model();
     expect_stalls(&mut rig);
@@ -98,14 +93,10 @@ fn preflight_moves_by_permission() {
 fn preflight_names_a_fault_and_is_stored() {
     let (rig, _client) = conditioned(without_comparison);
     let domain = rig.domain();
-    rig.emulator.begin_ageing(Change {
-        parameter: Parameter::Gap,
-        by: 3.0,
-        start_s: 0.0,
-        motor: Some(1),
-        direction: None,
-        course: Course::Step {},
-    });
+    let (parameter, course) = (Parameter::Gap, Course::Step {});
+    let (motor, direction) = (Some(1), None);
+    let change = Change { parameter, by: 3.0, start_s: 0.0, motor, direction, course };
+    rig.emulator.begin_ageing(change);
     let (named, result) = no_go(&domain);
     assert_eq!(named, ["watchdog", "wire"], "{result}");
     let (result, is_go) = Preflight::before_trial(&domain, clock::now());

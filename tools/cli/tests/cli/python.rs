@@ -1,21 +1,16 @@
 //! The Python client against a controller without drives and a whole one.
 
-use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
-use std::time::Duration;
+use std::{fs, path::Path, thread, time::Duration};
 
-use i2ris::ipc::client::Client;
 use i2ris::ipc::{StateCommand, find_client_process};
-use i2ris::units::Nanos;
+use i2ris::{ipc::client::Client, units::Nanos};
 use i2ris_needs::needs;
 use i2ris_testing::bench::{expect_stalls, robot};
 use i2ris_testing::{Controller, Rig, SetOnDrop, python, run_python, wait_for};
 
-/// Runs a script to its end, and expects success.
 #[track_caller]
 fn runs(command: &mut Command) -> String {
     let output = command.output().unwrap();

@@ -2,18 +2,14 @@
 
 use std::fs;
 
-use i2ris::clock;
-use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Client, Latest};
-use i2ris::ipc::payload::ReachTarget;
-use i2ris::units::Nanos;
+use i2ris::{clock, ipc::Domain, ipc::payload::ReachTarget, units::Nanos};
 use i2ris_testing::bench::{WorkFolder, assert_says, fails, interrupt, robot, start};
 use i2ris_testing::{Controller, Program, TIMEOUT, Terminal, home_and_enable, wait_until};
 
 /// Time limit of a task of two targets on a shared machine.
 const PATIENCE: Nanos = Nanos::from_millis(240_000);
 
-/// Starts a recording.
 fn record(bench: &WorkFolder, domain: &Domain) -> Program {
     let record = start(domain, &bench.words("record --output @task.mcap"));
     let size = || fs::metadata(bench.path("task.mcap")).map_or(0, |data| data.len());
@@ -21,7 +17,6 @@ fn record(bench: &WorkFolder, domain: &Domain) -> Program {
     record
 }
 
-/// Its report after its end, as text and as JSON.
 fn report(bench: &WorkFolder, record: Program) -> (String, serde_json::Value) {
     // The recorder has everything from before the signal.
     clock::sleep(Nanos::from_millis(500));

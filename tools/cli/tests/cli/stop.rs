@@ -3,22 +3,19 @@
 use std::fs;
 use std::process::{Command, Stdio};
 
-use i2ris::clock;
 use i2ris::ipc::client::{Client, Watcher};
-use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::ipc::{OperatingState, StateCommand};
-use i2ris::units::Nanos;
+use i2ris::ipc::{payload::OperatingStateMsg, watchdog_presence::WatchdogStatus};
+use i2ris::{clock, units::Nanos};
 use i2ris_simulation::Injection;
 use i2ris_testing::bench::{assert_says, ends, fails, robot, run, start, succeeds};
+use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, has};
 use i2ris_testing::{
-    Controller, Rig, TIMEOUT, Terminal, has, home_and_enable, program, unique_domain, wait_for,
-    wait_until, wait_until_holding,
+    home_and_enable, program, unique_domain, wait_for, wait_until, wait_until_holding,
 };
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-/// A robot that is enabled.
 fn enabled(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
     let (rig, mut client) = robot(|rig| {
         rig.config.compensation.conditioning_counts = Some(300);
@@ -159,8 +156,7 @@ fn a_watchdog_that_hangs_is_named_by_its_process() {
 #[test]
 fn s_stops_while_the_keyboard_steers() {
     let controller = Controller::enabled();
-    let words = ["teleop", "--keyboard"];
-    let mut terminal = Terminal::start(&controller.domain, &words, 24, 100);
+    let mut terminal = Terminal::start(&controller.domain, &["teleop", "--keyboard"], 24, 100);
     controller.wait("commands", |robot| robot.poses.len() > 20);
     terminal.type_keys(" ");
     controller.wait("a closed clutch", |robot| robot.flags == 0);
@@ -168,6 +164,5 @@ fn s_stops_while_the_keyboard_steers() {
     assert!(terminal.end().success());
     let shown = terminal.screen.screen().contents();
     assert!(shown.contains("the robot is ENABLED, holds still"), "{shown}");
-    let robot = controller.robot();
-    assert_eq!(robot.requested, [StateCommand::Hold, StateCommand::Release]);
+    assert_eq!(controller.robot().requested, [StateCommand::Hold, StateCommand::Release]);
 }

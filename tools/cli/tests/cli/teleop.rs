@@ -1,19 +1,14 @@
 //! Teleoperation: recorded devices played through pipes, a keyboard by a
 //! pseudo-terminal.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use std::{fs::File, thread};
 
-use i2ris::clock;
-use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::{Client, ExternalPublisher, Latest};
 use i2ris::ipc::payload::{JointState, ServoJp, TeleopMsg};
-use i2ris::units::Nanos;
-use i2ris_teleop::evdev_decoder::encode;
-use i2ris_teleop::state::Description;
-use i2ris_teleop::{recording, space_mouse};
+use i2ris::{clock, ipc::StateCommand, units::Nanos};
+use i2ris_teleop::{evdev_decoder::encode, recording, space_mouse, state::Description};
 use i2ris_testing::bench::{WorkFolder, assert_says, ends, fails, interrupt, prints, robot, start};
 use i2ris_testing::{Controller, TIMEOUT, Terminal, home_and_enable, wait_until};
 
@@ -24,7 +19,6 @@ fn clutch_is_open(flags: u32) -> bool {
     flags & ServoJp::CLUTCH != 0
 }
 
-/// Pose of the snake, and number of commands.
 fn place(controller: &Controller) -> ([f64; 2], usize) {
     let robot = controller.robot();
     (robot.pose, robot.poses.len())
@@ -114,8 +108,7 @@ fn losing_space_mouse_or_pedal_opens_the_clutch() {
     let (mut mouse, mut foot) = (Played::new(&mouse_description), Played::new(&pedal()));
     let (files, profile) = ([mouse.file(), foot.file()], mouse.patient_profile());
     let words = format!("teleop --device {} --mode position", files.join(" --device "));
-    let words = format!("{words} --profile {profile}");
-    let program = start(&controller.domain, &words);
+    let program = start(&controller.domain, &format!("{words} --profile {profile}"));
     mouse.report(&[1, 0, 0, 0, 0, 0, 0]);
     controller.wait("commands", |robot| robot.poses.len() > 50);
     // Its own button is ignored if there is a pedal.
@@ -219,7 +212,6 @@ fn event_is_published_with_time_and_command_and_button_marks() {
     interrupt(program);
 }
 
-/// Private memory of a process, KiB.
 fn own_memory_kib(id: u32) -> i64 {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap();
     let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).unwrap();
@@ -257,7 +249,6 @@ fn hour_of_reports_does_not_grow_memory_or_block_commands() {
     interrupt(program);
 }
 
-/// The real controller, its line and emulated drives.
 #[test]
 fn emulated_snake_follows_device_and_holds_on_its_loss() {
     let (rig, mut client) = robot(|_| ());

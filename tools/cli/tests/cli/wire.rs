@@ -1,13 +1,10 @@
 //! `i2ris doctor wire` and `i2ris doctor drives`: serial traffic and drive settings.
 
-use std::fs;
-use std::path::Path;
+use std::{fs, path::Path};
 
-use i2ris::config::Family;
-use i2ris::drive::fingerprint::key;
 use i2ris::drive::objects::{self, Entry};
-use i2ris::model::file::ModelFile;
-use i2ris::robot::DriveFingerprint;
+use i2ris::{config::Family, drive::fingerprint::key};
+use i2ris::{model::file::ModelFile, robot::DriveFingerprint};
 use i2ris_simulation::Line;
 use i2ris_testing::Rig;
 use i2ris_testing::bench::{WorkFolder, assert_says, expect_stalls, fails, run, succeeds};

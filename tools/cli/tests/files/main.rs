@@ -2,8 +2,7 @@
 //! so they are kept apart from emulated drives, whose pseudo-terminals would starve.
 #![allow(clippy::unwrap_used)]
 
-use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::{collections::BTreeSet, path::PathBuf};
 
 use i2ris_testing::transcript;
 

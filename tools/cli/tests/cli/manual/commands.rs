@@ -13,7 +13,7 @@ use i2ris_testing::{program, python, wait_until};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use super::markdown::Document;
+use super::Document;
 
 /// Output of a background program after which the next command may start.
 const READY: [(&str, &str); 3] = [
@@ -64,16 +64,12 @@ impl Session {
         for line in text.lines().filter(|line| !line.trim().is_empty()) {
             eprintln!("$ {line}");
             let output = self.shell(line).output().unwrap();
-            let shown = format!(
-                "{}{}",
-                String::from_utf8_lossy(&output.stdout),
-                String::from_utf8_lossy(&output.stderr)
-            );
+            let [out, err] = [&output.stdout, &output.stderr].map(|it| String::from_utf8_lossy(it));
+            let shown = format!("{out}{err}");
             assert!(output.status.success(), "$ {line}\n{shown}\n{}", self.logs());
         }
     }
 
-    /// Runs a program in the Python of the tests.
     fn python(&self, text: &str) {
         let mut command = python();
         command.args(["-c", text]).current_dir(self.folder.path());
@@ -103,10 +99,8 @@ impl Session {
     }
 
     fn logs(&self) -> String {
-        (0..self.background.len())
-            .map(|index| fs::read_to_string(self.log(index)).unwrap_or_default())
-            .collect::<Vec<_>>()
-            .join("\n---\n")
+        let log = |index| fs::read_to_string(self.log(index)).unwrap_or_default();
+        (0..self.background.len()).map(log).collect::<Vec<_>>().join("\n---\n")
     }
 }
 
@@ -159,8 +153,7 @@ fn chapters_with_commands_to_run_are_run() {
     }
 }
 
-/// Lines of blocks that are not run: packages exist, and options of the controller and the
-/// watchdog. What `i2ris` is given is parsed in `printed`.
+/// Packages, and options of controller and watchdog; those of `i2ris` are parsed in `printed`.
 #[test]
 fn options_of_commands_that_are_not_run_exist() {
     let mut checked = 0;
@@ -179,9 +172,7 @@ fn options_of_commands_that_are_not_run_exist() {
 fn check_line(line: &str, path: &Path, number: usize) -> bool {
     let line = line.trim().trim_start_matches("sudo ");
     let words: Vec<&str> = line.split_whitespace().collect();
-    let Some((&program, rest)) = words.split_first() else {
-        return false;
-    };
+    let Some((&program, rest)) = words.split_first() else { return false };
     let place = format!("{}:{number}: {line}", path.display());
     match program {
         "i2ris-control" | "i2ris-watchdog" => check_options(program, rest, &place),

@@ -1,16 +1,13 @@
 //! Every printed `i2ris` command is parsed by its program: lines of README and manual, examples of
 //! every `--help`, and commands in sources and messages.
 
-use std::fs;
-use std::path::Path;
-use std::process::Command;
+use std::{fs, path::Path, process::Command};
 
 use i2ris_report::program::{DESCRIBE, PARSE};
-use i2ris_testing::program;
-use i2ris_testing::transcript::root;
+use i2ris_testing::{program, transcript::root};
 use serde_json::Value;
 
-use super::markdown::Document;
+use super::Document;
 
 /// Errors that are permitted for a command that is only named, not printed to be typed.
 const INCOMPLETE: [&str; 6] = [
@@ -22,7 +19,6 @@ const INCOMPLETE: [&str; 6] = [
     "TooFewValues",
 ];
 
-/// Placeholders for words of a command.
 const PLACEHOLDERS: [&str; 3] = ["NAME", "{words}", "{command}"];
 
 /// The mistakes in printed commands, each with its place.
@@ -40,7 +36,6 @@ impl Printed {
         }
     }
 
-    /// Commands in backticks.
     fn named(&mut self, text: &str, place: impl Fn(usize) -> String) {
         for (offset, _) in text.match_indices("`i2ris ") {
             let Some(quoted) = text[offset + 1..].split('`').next() else { continue };
@@ -127,8 +122,7 @@ fn commands_of_readme_and_manual_are_parsed() {
     for document in Document::all() {
         let path = document.path.strip_prefix(root()).unwrap().display().to_string();
         for block in document.blocks.iter().filter(|block| block.info.starts_with("sh")) {
-            let text = block.text.replace("\\\n", " ");
-            for (index, line) in text.lines().enumerate() {
+            for (index, line) in block.text.replace("\\\n", " ").lines().enumerate() {
                 printed.line(line, &format!("{path}:{}", block.line + 1 + index));
             }
         }
