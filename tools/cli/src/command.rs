@@ -4,27 +4,28 @@ mod fixture;
 mod held_up;
 mod motor;
 pub mod prepare;
-pub mod progress;
 pub mod stream;
 pub mod stream_monitor;
 pub mod tracking;
 pub mod trajectory;
-mod trajectory_player;
 
 use std::io::{self, IsTerminal as _};
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use i2ris::ipc::{Domain, StateCommand};
-
+use i2ris::ipc::ready::Ready;
+use i2ris::ipc::{Domain, MaskedClientId, OperatingState, StateCommand, find_client_process};
+use i2ris_report::exit::{Coded, OUT_OF_REACH};
 use i2ris_report::{DomainOption, Failure, Interrupt};
+use serde_json::json;
 
-use crate::exit::name_holder;
 use crate::numbers::{finite, pair, positive, rate};
-use crate::state;
-use prepare::PrepareOptions;
+use crate::procedure::say;
+use prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, carry_out};
 use stream::{OnLate, Plan};
-use trajectory::{Trajectory, Waypoints};
+use stream_monitor::StopReason;
+use tracking::OutOfReach;
+use trajectory::Trajectory;
 
 #[derive(Debug, clap::Args)]
 #[command(
@@ -116,7 +117,7 @@ enum What {
         #[arg(value_parser = state_words())]
         command: StateCommand,
         #[command(flatten)]
-        options: state::Arguments,
+        options: StateArguments,
     },
 }
 
@@ -136,7 +137,6 @@ struct Periodic {
     stream: StreamOptions,
 }
 
-/// The words of `i2ris command state`.
 const STATE_WORDS: [(StateCommand, &str); 6] = [
     (StateCommand::Pause, "Decelerate and hold; servo commands are refused"),
     (StateCommand::Resume, "Accept servo commands again"),
@@ -155,7 +155,7 @@ fn state_words() -> impl TypedValueParser<Value = StateCommand> {
 
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let (name, trajectory, duration_s, stream) = match arguments.what {
-        What::State { command, options } => return state::run(&options, command),
+        What::State { command, options } => return change_state(&options, command),
         What::Fixture(arguments) => return fixture::run(&arguments),
         What::Motor(arguments) => {
             let domain = arguments.domain.domain()?;
@@ -180,16 +180,96 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             ("circle", Some(Trajectory::Circle { centre, radius, period_s }), duration_s, stream)
         }
         // An invalid file is refused before the robot moves.
-        What::File { csv, stream } => {
-            ("file", Some(Trajectory::Waypoints(Waypoints::load(&csv)?)), None, stream)
-        }
+        What::File { csv, stream } => ("file", Some(Trajectory::load(&csv)?), None, stream),
     };
     let StreamOptions { rate_hz, speed_deg_s, on_late, prepare, domain } = stream;
     let plan = Plan { name, trajectory, duration_s, rate_hz, speed_deg_s, on_late, prepare };
     let domain = domain.domain()?;
-    follow(&domain, plan).map_err(|failure| name_holder(failure, &domain))
+    let follow = || stream::run(&mut prepare::connect(&domain)?, plan, &Interrupt::catch()?);
+    follow().map_err(|failure| name_holder(failure, &domain))
 }
 
-fn follow(domain: &Domain, plan: Plan) -> Result<(), Failure> {
-    stream::run(&mut prepare::connect(domain)?, plan, &Interrupt::catch()?)
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris home && i2ris enable
+  i2ris disable
+
+`i2ris command state` has the other changes: pause, resume, condition, acknowledge, ...")]
+pub struct StateArguments {
+    /// Return when the controller has accepted the command, without waiting for its completion
+    #[arg(long)]
+    no_wait: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    domain: DomainOption,
+}
+
+/// `i2ris home`, `enable`, `disable`, and `i2ris command state`.
+pub fn change_state(arguments: &StateArguments, command: StateCommand) -> Result<(), Failure> {
+    let domain = arguments.domain.domain()?;
+    let change = || -> Result<(), Failure> {
+        let (mut client, interrupt) = (prepare::connect(&domain)?, Interrupt::catch()?);
+        let (state, message) = if arguments.no_wait {
+            let state = client.state_command(command)?;
+            // Without a message the power state is unknown.
+            (state, client.wait_for(FIRST_MESSAGE_TIMEOUT, |_| true).unwrap_or_default())
+        } else {
+            let message = carry_out(&mut client, command, &interrupt)?;
+            let state = OperatingState::from_number(message.state);
+            (state.ok_or(StopReason::Unknown(message.state))?, message)
+        };
+        let (accepted, done) = (command.text(), !arguments.no_wait);
+        let report = if arguments.json {
+            json!({ "accepted": accepted, "done": done, "state": state.text() }).to_string()
+        } else {
+            let how = if done { "done" } else { "accepted" };
+            let is_fault = state == OperatingState::Fault;
+            let stays = if is_fault { " until `i2ris command state acknowledge`" } else { "" };
+            let power = match command {
+                StateCommand::Disable => format!("{stays}; {}", message.power().text()),
+                _ => String::new(),
+            };
+            format!("{how}: {command}; the controller is {state}{power}")
+        };
+        say(&report)
+    };
+    change().map_err(|failure| name_holder(failure, &domain))
+}
+
+pub fn name_holder(failure: Failure, domain: &Domain) -> Failure {
+    let stop = failure.downcast_ref::<StopReason>();
+    let holder = stop.and_then(|stop| match stop {
+        StopReason::Lease(client) | StopReason::LostLease(client) => Some(*client),
+        _ => None,
+    });
+    let named = holder.and_then(|client| {
+        let process = find_client_process(domain, Ready::read(domain)?.boot_id, client)?;
+        Some((MaskedClientId(client).to_string(), process.to_string()))
+    });
+    match named {
+        Some((id, process)) => {
+            let sentence = failure.to_string().replace(&id, &process);
+            Coded { code: 4, sentence }.into()
+        }
+        None => failure,
+    }
+}
+
+pub fn with_code(failure: Failure) -> Failure {
+    if failure.is::<OutOfReach>() {
+        let sentence = failure.to_string();
+        return Coded { code: OUT_OF_REACH, sentence }.into();
+    }
+    let Some(stop) = failure.downcast_ref::<StopReason>() else { return failure };
+    use StopReason::*;
+    let code = match stop {
+        Silent | Ignored | Restarted | Unknown(_) => 3,
+        NotEnabled(_) | LeftEnabled(_) | NotHomed | Lease(_) | LostLease(_) => 4,
+        Refused(_) | Stopped(_) => 4,
+        Fault(_) => 5,
+    };
+    let sentence = stop.to_string();
+    Coded { code, sentence }.into()
 }

@@ -6,9 +6,6 @@ use i2ris::units::OutputVec;
 use i2ris_calibration::recording::{ColumnMap, RecordingError, Row, Rows, Wanted, read_rows};
 use i2ris_report::statistics::interpolate;
 
-/// The columns of desired or measured angles.
-pub const ANGLES: [&str; 3] = ["t_s", "pitch_deg", "yaw_deg"];
-
 /// Complete rows of a table. Skipped rows are reported on standard error.
 pub fn read(path: &Path, columns: &ColumnMap, wanted: &Wanted) -> Result<Rows, RecordingError> {
     let table = read_rows(path, columns, wanted)?;

@@ -1,29 +1,21 @@
 //! `i2ris emulate`.
 
 use std::fmt::Write as _;
-use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
+use std::{fs, io, os::unix::fs::symlink};
 
-use i2ris::clock;
 use i2ris::config::{Config, PortConfig};
-use i2ris::ipc::Domain;
-use i2ris::units::Nanos;
-use i2ris_simulation::camera::CameraConfig;
-use i2ris_simulation::drive::DeviceFile;
-use i2ris_simulation::physics::Physics;
-use i2ris_simulation::{
-    DEFAULT_FOLDER, Emulator, EmulatorConfig, Line, Scenario, SnakeSource, Snapshot,
-};
-
+use i2ris::{clock, ipc::Domain, units::Nanos};
 use i2ris_report::{Failure, Interrupt, Screen};
+use i2ris_simulation::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Line, Scenario};
+use i2ris_simulation::{
+    SnakeSource, Snapshot, camera::CameraConfig, drive::DeviceFile, physics::Physics,
+};
 
 use crate::numbers::{seconds, within};
 
 const STATUS_PERIOD: Nanos = Nanos::from_millis(200);
-
 const POLL_PERIOD: Nanos = Nanos::from_millis(20);
-
 /// Below the threads of a controller.
 const PRIORITY: u8 = 40;
 
@@ -40,12 +32,7 @@ pub struct Arguments {
     #[command(flatten)]
     snake: SnakeOption,
     /// Folder in which the ports appear as axis0, axis1 and so on
-    #[arg(
-        long,
-        env = "I2RIS_EMULATOR_PORTS",
-        value_name = "DIR",
-        default_value = DEFAULT_FOLDER
-    )]
+    #[arg(long, env = "I2RIS_EMULATOR_PORTS", value_name = "DIR", default_value = DEFAULT_FOLDER)]
     ports: PathBuf,
     /// Domain of the controller that receives the camera frames
     #[arg(long, env = "I2RIS_DOMAIN", value_name = "NAME", default_value = "i2ris")]
@@ -174,11 +161,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         let device = emulator.device(axis).display();
         say(&format!("axis {axis}: {device} ({family:?}, serial number {serial_number})"));
     }
-    let camera = if arguments.no_camera {
-        "no camera".to_owned()
-    } else {
-        format!("camera on domain {}", domain.name())
-    };
+    let camera = format!("camera on domain {}", domain.name());
+    let camera = if arguments.no_camera { "no camera" } else { &camera };
     say(&format!("ready: snake {name}, {camera}; Ctrl-C ends"));
     watch(&emulator, &interrupt, arguments.duration_s);
     made.iter().for_each(|device: &PathBuf| drop(fs::remove_file(device)));
@@ -199,7 +183,6 @@ fn make_device(device: &Path, port: &Path) -> io::Result<Option<PathBuf>> {
     symlink(port, device).map(|()| Some(device.to_owned()))
 }
 
-/// Shows the status on a terminal until it is time to end.
 fn watch(emulator: &Emulator, interrupt: &Interrupt, duration: Option<Nanos>) {
     let start = clock::now();
     let end = duration.map(|duration| start + duration);

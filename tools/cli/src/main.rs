@@ -1,18 +1,8 @@
 //! The command line of i2ris.
 //!
 //! One file per subcommand: its arguments, and `run`. The libraries do the work. Parts that are
-//! slow to build and rarely needed are separate programs, see [`external`].
+//! slow to build and rarely needed are separate programs: `i2ris NAME` runs `i2ris-NAME`.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
-
-use std::ffi::OsString;
-use std::io::{Write, stdout};
-use std::process::ExitCode;
-
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use clap_complete::{Shell, generate};
-use i2ris::ipc::StateCommand;
-use i2ris_report::program::{DESCRIBE, PARSE, describe, end_with_reader, finish, parsed, perform};
-use i2ris_report::{Failure, tips, until_closed};
 
 mod calibrate;
 mod command;
@@ -21,19 +11,29 @@ mod csv_table;
 mod demo;
 mod doctor;
 mod emulate;
-mod exit;
-mod external;
 mod model;
 mod numbers;
 mod preflight;
 mod procedure;
 mod progress_bar;
 mod start;
-mod state;
 mod stop;
 mod teleop;
 #[cfg(test)]
 mod wrong_benches;
+
+use std::ffi::{OsStr, OsString};
+use std::io::{Write, stdout};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Command, ExitCode};
+
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::{Shell, generate};
+use i2ris::ipc::StateCommand;
+use i2ris_report::program::{DESCRIBE, PARSE, describe, end_with_reader, finish, parsed, perform};
+use i2ris_report::programs::{PROGRAMS, Program, find};
+use i2ris_report::{Failure, description::Description, tips, until_closed};
 
 /// Calibrate, emulate, command and monitor the I2RIS snake robot.
 #[derive(Debug, Parser)]
@@ -72,11 +72,11 @@ enum Task {
     #[command(alias = "estop", alias = "e-stop", alias = "halt")]
     Stop(stop::Arguments),
     /// Set the zero here (or at a hard stop); straighten the snake first
-    Home(state::Arguments),
+    Home(command::StateArguments),
     /// Switch the drives on; the robot holds
-    Enable(state::Arguments),
+    Enable(command::StateArguments),
     /// Decelerate, then power the drives off
-    Disable(state::Arguments),
+    Disable(command::StateArguments),
     /// Send poses, paths, states and virtual fixtures
     Command(command::Arguments),
     /// Steer the robot by hand: gamepad, joystick, SpaceMouse, pedal or keyboard
@@ -108,9 +108,9 @@ impl Task {
             Self::Preflight(arguments) => preflight::run(&arguments),
             Self::Commission(arguments) => commission::run(&arguments),
             Self::Stop(arguments) => stop::run(&arguments),
-            Self::Home(arguments) => state::run(&arguments, StateCommand::Home),
-            Self::Enable(arguments) => state::run(&arguments, StateCommand::Enable),
-            Self::Disable(arguments) => state::run(&arguments, StateCommand::Disable),
+            Self::Home(arguments) => command::change_state(&arguments, StateCommand::Home),
+            Self::Enable(arguments) => command::change_state(&arguments, StateCommand::Enable),
+            Self::Disable(arguments) => command::change_state(&arguments, StateCommand::Disable),
             Self::Command(arguments) => command::run(arguments),
             Self::Teleop(arguments) => teleop::run(arguments),
             Self::Calibrate(arguments) => calibrate::run(arguments),
@@ -124,16 +124,18 @@ fn main() -> ExitCode {
     let first = arguments.get(1).and_then(|word| word.to_str()).unwrap_or_default();
     let only_parses = first == PARSE;
     if first == DESCRIBE && arguments.len() == 2 {
-        return finish(describe(&external::with_descriptions(Cli::command())));
+        return finish(describe(&with_descriptions(Cli::command())));
     }
     if only_parses {
         arguments.remove(1);
     }
-    if let Some(call) = external::Call::requested(arguments.get(1..).unwrap_or_default()) {
-        let call = if only_parses { call.with_first(PARSE) } else { call };
+    if let Some(mut call) = Call::requested(arguments.get(1..).unwrap_or_default()) {
+        if only_parses {
+            call.arguments.insert(0, PARSE.into());
+        }
         return finish(Err(call.execute()));
     }
-    let matches = external::with_programs(Cli::command()).try_get_matches_from(arguments);
+    let matches = with_programs(Cli::command()).try_get_matches_from(arguments);
     let cli = matches.and_then(|matches| Cli::from_arg_matches(&matches));
     if only_parses {
         return parsed(cli);
@@ -150,13 +152,74 @@ fn main() -> ExitCode {
         // Without arguments clap has printed the help.
         (None, None) => Ok(()),
     };
-    finish(outcome.map_err(exit::with_code))
+    finish(outcome.map_err(command::with_code))
 }
 
 fn completions(shell: Shell) -> Result<(), Failure> {
-    let mut command = external::with_descriptions(Cli::command());
+    let mut command = with_descriptions(Cli::command());
     let mut script = Vec::new();
     generate(shell, &mut command, "i2ris", &mut script);
     until_closed(stdout().write_all(&script))?;
     Ok(())
+}
+
+#[derive(Debug, PartialEq, Eq)]
+struct Call {
+    program: Program,
+    arguments: Vec<OsString>,
+}
+
+impl Call {
+    /// The call of a program: `NAME ...`, `help NAME ...`.
+    fn requested(arguments: &[OsString]) -> Option<Self> {
+        let words: Vec<_> = arguments.iter().map(|word| word.to_string_lossy()).collect();
+        let is_help = words.first().is_some_and(|word| word == "help");
+        let (program, rest) = Program::of(&words[usize::from(is_help)..])?;
+        let rest = &arguments[arguments.len() - rest.len()..];
+        let arguments = match (is_help, rest) {
+            (false, rest) => rest.to_vec(),
+            (true, []) => vec!["--help".into()],
+            (true, rest) => [&["help".into()], rest].concat(),
+        };
+        Some(Self { program, arguments })
+    }
+
+    /// Replaces this process by the program. Returns only if that fails.
+    fn execute(self) -> Failure {
+        let Some(program) = find(self.program.name()) else {
+            return self.program.how_to_install().into();
+        };
+        let error = Command::new(&program).args(self.arguments).exec();
+        format!("cannot start {}: {error}", program.display()).into()
+    }
+}
+
+fn with_programs(command: clap::Command) -> clap::Command {
+    with(command, |program| clap::Command::new(program.name()))
+}
+
+/// `i2ris` with the command lines of the programs found, and the names of the others.
+fn with_descriptions(command: clap::Command) -> clap::Command {
+    with(command, |program| {
+        let name = program.name();
+        let description = find(name).and_then(|file| described(&file));
+        description.map_or_else(|| clap::Command::new(name), |it| it.command(name))
+    })
+}
+
+fn with(command: clap::Command, of: impl Fn(Program) -> clap::Command) -> clap::Command {
+    PROGRAMS.into_iter().fold(command, |command, program| {
+        let own = of(program).about(program.about);
+        match program.words.split_once(' ') {
+            Some((parent, _)) => command.mut_subcommand(parent, |parent| {
+                parent.args_conflicts_with_subcommands(true).subcommand(own)
+            }),
+            None => command.subcommand(own),
+        }
+    })
+}
+
+fn described(program: &Path) -> Option<Description> {
+    let output = Command::new(program).arg(OsStr::new(DESCRIBE)).output().ok()?;
+    serde_json::from_slice(&output.stdout).ok()
 }

@@ -6,11 +6,9 @@ use i2ris::units::Nanos;
 
 /// A number in a range; otherwise the error `what`.
 pub fn within(range: impl RangeBounds<f64>, what: &str, text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number| range.contains(number));
-    number.ok_or_else(|| what.to_owned())
+    text.parse().ok().filter(|number| range.contains(number)).ok_or_else(|| what.to_owned())
 }
 
-/// Rate of a stream, Hz.
 pub fn rate(text: &str) -> Result<f64, String> {
     within(10.0..=1000.0, "must be 10 to 1000", text)
 }

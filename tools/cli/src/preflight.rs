@@ -55,11 +55,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     measured.swing = swing?;
     let report = judge(&measured);
-    if arguments.json {
-        println!("{}", report.to_json()?);
-    } else {
-        print!("{report}");
-    }
+    report.print(arguments.json)?;
     let no_go: Vec<String> = report.failed().map(str::to_owned).collect();
     let outcome = if no_go.is_empty() { Ok(()) } else { Err(no_go.join(", ")) };
     let (time, stamp_ns) = (i2ris::wall_clock::now().to_string(), clock::now().0);

@@ -8,12 +8,8 @@ use i2ris_calibration::progress::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
 
 const PATIENCE: Duration = Duration::from_millis(700);
-
-/// Between two lines into a pipe.
 const BETWEEN_LINES: Duration = Duration::from_secs(5);
-
 const STEPS: f64 = 1000.0;
-
 /// Share of the work below which the remaining time cannot be estimated.
 const MIN_SHARE: f64 = 0.03;
 
@@ -60,9 +56,7 @@ impl Bar {
 
     fn change(&self, change: impl FnOnce(&mut Work)) {
         let elapsed = self.begun.elapsed();
-        let Ok(mut work) = self.work.lock() else {
-            return;
-        };
+        let Ok(mut work) = self.work.lock() else { return };
         change(&mut work);
         match &self.bar {
             Some(bar) if elapsed > PATIENCE => {
@@ -85,13 +79,8 @@ impl Bar {
 impl Progress for Bar {
     fn part(&self, name: &str, from: f64, to: f64) {
         self.change(|work| {
-            *work = Work {
-                name: name.to_owned(),
-                from,
-                to,
-                next_line: work.next_line,
-                ..Work::default()
-            }
+            let (name, next_line) = (name.to_owned(), work.next_line);
+            *work = Work { name, from, to, next_line, ..Work::default() }
         });
     }
 
@@ -122,7 +111,6 @@ impl Drop for Bar {
 #[derive(Debug, Clone, Default)]
 struct Work {
     name: String,
-    /// The present part of the whole.
     from: f64,
     to: f64,
     /// Completed pieces of it; their total number is unknown in advance.
@@ -135,10 +123,7 @@ struct Work {
 impl Work {
     /// Every piece counts as half of the rest of its part.
     fn share(&self) -> f64 {
-        let piece = match self.steps {
-            0 => 0.0,
-            steps => self.done as f64 / steps as f64,
-        };
+        let piece = if self.steps == 0 { 0.0 } else { self.done as f64 / self.steps as f64 };
         let left = 0.5_f64.powi(self.pieces) * (1.0 - 0.5 * piece.min(1.0));
         self.from + (self.to - self.from) * (1.0 - left)
     }
@@ -165,17 +150,9 @@ mod tests {
 
     #[test]
     fn line_reports_the_family_and_the_time_left() {
-        let work = Work {
-            name: "gmr".to_owned(),
-            from: 0.0,
-            to: 1.0,
-            steps: 4,
-            done: 2,
-            ..Work::default()
-        };
+        let work = Work { name: "gmr".to_owned(), to: 1.0, steps: 4, done: 2, ..Work::default() };
         let line = work.line(Duration::from_secs(10));
         assert_eq!(line, "fitting gmr: 25 %, about 30 s to go");
-        let begun = Work::default();
-        assert_eq!(begun.line(Duration::from_secs(10)), "fitting : 0 %");
+        assert_eq!(Work::default().line(Duration::from_secs(10)), "fitting : 0 %");
     }
 }

@@ -1,19 +1,14 @@
 //! `i2ris start`: runs emulator, controller, watchdog and monitor with one command.
 
-use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::{fs, process::Command};
 
-use i2ris::clock;
 use i2ris::config::{Config, PortConfig};
-use i2ris::ipc::Domain;
-use i2ris::ipc::client::Client;
-use i2ris::ipc::watchdog_presence::WatchdogStatus;
-use i2ris::units::Nanos;
-use i2ris_report::process::Process;
-use i2ris_report::programs::find;
-use i2ris_report::{DomainOption, Failure, Interrupt, Screen, bail, files, until_closed};
+use i2ris::ipc::{Domain, client::Client, watchdog_presence::WatchdogStatus};
+use i2ris::{clock, units::Nanos};
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen};
+use i2ris_report::{bail, files, process::Process, programs::find, until_closed};
 use i2ris_simulation::{Line, SnakeSource};
 
 use crate::emulate::SnakeOption;
@@ -22,7 +17,6 @@ use crate::emulate::SnakeOption;
 pub const FILE: &str = "controller.toml";
 const REHEARSED: &str = "rehearsal.toml";
 const CONFIG: &str = include_str!("../../../config/emulator.toml");
-
 /// Time limit for emulator and controller to start. A loaded computer needs much of it.
 const START_TIMEOUT: Nanos = Nanos::from_millis(30_000);
 const POLL_PERIOD: Nanos = Nanos::from_millis(50);
@@ -80,8 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
          next, in another terminal: i2ris calibrate{option}"
     )))?;
     let outcome = watch(arguments, name, &interrupt, &mut robot);
-    let ended = robot.end();
-    outcome.and(ended)
+    outcome.and(robot.end())
 }
 
 /// The configuration in the folder, with the user's changes, or else a new one.
@@ -136,13 +129,11 @@ fn rehearsed(file: &Path, folder: &Path, arguments: &Arguments) -> Result<Config
     Ok(config)
 }
 
-/// The device of a port of the emulator, whose ports are in the folder.
 fn device(folder: &Path, number: usize) -> PathBuf {
     folder.join(format!("ports/axis{number}"))
 }
 
-/// Emulated drives stall with the computer: a watchdog as strict as on a robot would stop them at
-/// every stall.
+/// Emulated drives stall with the computer: a strict watchdog would stop them at every stall.
 const SILENCE_MS: &str = "2000";
 
 /// Emulator, controller and watchdog as separate processes. Dropping ends all.
@@ -155,8 +146,7 @@ pub struct EmulatedRobot {
 }
 
 impl EmulatedRobot {
-    /// Starts all in the folder of the file. `config` is written to the file if it does not exist.
-    /// `emulate`: options of `i2ris emulate`.
+    /// Starts all in the folder of the file, which is written from `config` if it does not exist.
     pub fn start(
         file: &Path,
         config: &Config,
@@ -164,12 +154,13 @@ impl EmulatedRobot {
         interrupt: &Interrupt,
     ) -> Result<Self, Failure> {
         let program = |name: &str| {
-            find(name).ok_or_else(|| {
+            let missing = || {
                 format!(
                     "program i2ris-{name} not found, neither next to i2ris nor on PATH; build it \
                      with `cargo build --release`"
                 )
-            })
+            };
+            find(name).ok_or_else(missing)
         };
         let domain = Domain::new(&config.domain)?;
         let folder = file.parent().ok_or("the configuration is not in a folder")?;
@@ -203,7 +194,6 @@ impl EmulatedRobot {
         Ok(Self { robot_id: config.robot_id.clone(), controller, watchdog, emulator })
     }
 
-    /// Fails if one of the processes has ended.
     pub fn check(&mut self) -> Result<(), Failure> {
         self.emulator.check()?;
         self.watchdog.check()?;
@@ -217,7 +207,6 @@ impl EmulatedRobot {
     }
 }
 
-/// The configuration of the emulated robot, with its ports in a folder.
 pub fn config(folder: &Path, domain: &str, line: Line) -> Result<Config, Failure> {
     let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
     domain.clone_into(&mut config.domain);
@@ -258,7 +247,6 @@ pub fn wait(
     Ok(())
 }
 
-/// Shows the monitor if there is a terminal, until it ends or a signal arrives.
 fn watch(
     arguments: &Arguments,
     domain: &str,
@@ -267,15 +255,11 @@ fn watch(
 ) -> Result<(), Failure> {
     let has_terminal = io::stdout().is_terminal() && io::stdin().is_terminal();
     let program = find("status").filter(|_| has_terminal && !arguments.no_monitor);
-    let mut monitor = match program {
-        Some(program) => Some(Command::new(program).args(["--watch", "--domain", domain]).spawn()?),
-        None => None,
-    };
+    let spawn = |program| Command::new(program).args(["--watch", "--domain", domain]).spawn();
+    let mut monitor = program.map(spawn).transpose()?;
     let outcome = loop {
-        let has_ended = match &mut monitor {
-            Some(monitor) => monitor.try_wait()?.is_some(),
-            None => false,
-        };
+        let has_ended =
+            monitor.as_mut().map_or(Ok(false), |it| it.try_wait().map(|it| it.is_some()))?;
         if has_ended || interrupt.came() {
             break Ok(());
         }
@@ -284,25 +268,19 @@ fn watch(
         }
         clock::sleep(POLL_PERIOD);
     };
+    // It ends first, so that its last line comes first.
     if let Some(mut monitor) = monitor {
-        end_monitor(&mut monitor)?;
+        if monitor.try_wait()?.is_none() {
+            let process = nix::unistd::Pid::from_raw(monitor.id().try_into()?);
+            let _ = nix::sys::signal::kill(process, nix::sys::signal::Signal::SIGTERM);
+        }
+        monitor.wait()?;
     }
     outcome
 }
 
-/// Ends the monitor, so that its last line comes first.
-fn end_monitor(monitor: &mut std::process::Child) -> Result<(), Failure> {
-    if monitor.try_wait()?.is_none() {
-        let process = nix::unistd::Pid::from_raw(monitor.id().try_into()?);
-        let _ = nix::sys::signal::kill(process, nix::sys::signal::Signal::SIGTERM);
-    }
-    monitor.wait()?;
-    Ok(())
-}
-
 /// A path as text for a command line. Fails for a name that is not UTF-8.
 pub fn text(path: &Path) -> Result<String, Failure> {
-    path.to_str()
-        .map(str::to_owned)
-        .ok_or_else(|| format!("{} is not UTF-8", path.display()).into())
+    let text = path.to_str().map(str::to_owned);
+    text.ok_or_else(|| format!("{} is not UTF-8", path.display()).into())
 }

@@ -2,15 +2,12 @@
 
 use std::thread;
 
-use i2ris::ipc::Domain;
-use i2ris::ipc::client::Client;
 use i2ris::ipc::ready::{served_by_others, served_domains};
-use i2ris::units::Nanos;
+use i2ris::{ipc::Domain, ipc::client::Client, units::Nanos};
 use i2ris_report::exit::{self, Coded, NOT_CONFIRMED};
-use i2ris_report::stop::stop;
+use i2ris_report::{Failure, stop::stop};
 
-use crate::procedure::person::say;
-use i2ris_report::Failure;
+use crate::procedure::say;
 
 /// A running controller connects immediately.
 const CONNECT: Nanos = Nanos::from_millis(500);
@@ -31,10 +28,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let domains = match &arguments.domain {
-        Some(name) => vec![name.clone()],
-        None => served_domains(),
-    };
+    let domains = arguments.domain.clone().map_or_else(served_domains, |name| vec![name]);
     if domains.is_empty() {
         let others: String = others(&served_by_others()).map(|line| line + "; ").collect();
         let sentence = format!(
@@ -65,7 +59,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     worst.map_or(Ok(()), |worst| Err(worst.into()))
 }
 
-/// Instructions to stop the robots of other users.
 fn others(served: &[(u32, String)]) -> impl Iterator<Item = String> {
     served.iter().map(|(user, domain)| {
         format!(

@@ -1,7 +1,6 @@
 //! First output on a bench with one fault: the table next to this file, on the emulator.
 
-use std::fs;
-use std::thread;
+use std::{fs, thread};
 
 use i2ris::config::{AxisConfig, Config, Family};
 use i2ris::drive::serial_transport::SerialTransport;
@@ -9,19 +8,15 @@ use i2ris::ipc::payload::{OperatingStateMsg, PeriodStatistics, ReasonMsg};
 use i2ris::robot::{Cause, Reason, Stop};
 use i2ris::units::{Counts, Nanos};
 use i2ris_report::view::{LatestMessages, reasons};
-use i2ris_simulation::drive::DriveConfig;
-use i2ris_simulation::{Emulator, EmulatorConfig, Line, SnakeSource};
+use i2ris_simulation::{Emulator, EmulatorConfig, Line, SnakeSource, drive::DriveConfig};
 
-use crate::doctor::ports::check_port;
-use crate::doctor::report::Report;
+use crate::doctor::Report;
+use crate::doctor::drives::check_port;
 use crate::{commission, preflight};
 
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/wrong_benches.md");
-
-/// Benches at the same time.
 const AT_ONCE: usize = 4;
 
-/// Report of `i2ris doctor` on the drives.
 fn doctor(bench: &str) -> Report {
     let folder = tempfile::tempdir().unwrap();
     let snake = SnakeSource::load("steel").unwrap();
@@ -80,13 +75,8 @@ fn doctor(bench: &str) -> Report {
 /// Output of `i2ris status` for a stop without feedback on a computer that misses ticks.
 fn status() -> [String; 2] {
     let (ticks, missed, total_ticks, total_missed) = (880, 120, 60_000, 7000);
-    let statistics = Some(PeriodStatistics {
-        ticks,
-        missed,
-        total_ticks,
-        total_missed,
-        ..PeriodStatistics::default()
-    });
+    let rest = PeriodStatistics::default();
+    let statistics = Some(PeriodStatistics { ticks, missed, total_ticks, total_missed, ..rest });
     let state = Some(OperatingStateMsg { state: 1, ..OperatingStateMsg::default() });
     let all = LatestMessages { state, statistics, ..LatestMessages::default() };
     let stop = ReasonMsg::new(&Reason::from(Cause::Stop(Stop::Feedback)), 0, Nanos::ZERO);
@@ -108,7 +98,6 @@ fn output_of(of: &str, bench: &str) -> [String; 2] {
     }
 }
 
-/// Replaces values that vary between runs.
 fn masked(text: &str) -> String {
     let text = text.replace('|', "/").replace('\n', " ");
     let is_path = |word: &&str| word.contains("/tmp/");

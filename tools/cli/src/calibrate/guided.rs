@@ -19,8 +19,8 @@ use i2ris_report::stop::stop;
 use i2ris_report::{DomainOption, Failure, Interrupt, bail};
 
 use crate::command::prepare::CONNECT;
-use crate::procedure::person::{Gone, Person, Terminal, say};
 use crate::procedure::{Ended, Halt, Place, Procedure};
+use crate::procedure::{Gone, Person, Terminal, say};
 use i2ris_simulation::motion::protocol::above_zero;
 use progress::{Progress, is_complete};
 use steps::Step;

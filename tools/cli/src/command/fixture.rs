@@ -1,17 +1,14 @@
 //! `i2ris command fixture`: virtual fixtures by request.
 
-use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{VirtualFixturesMsg, unpadded_text};
-use i2ris::ipc::{Domain, FixtureAction, FixtureKind};
-use i2ris::units::Nanos;
-
-use i2ris_report::exit::Coded;
-use i2ris_report::{DomainOption, Failure};
+use i2ris::ipc::{FixtureAction, FixtureKind};
+use i2ris::{ipc::client::Client, units::Nanos};
+use i2ris_report::{DomainOption, Failure, exit::Coded};
 
 use super::stream_monitor::StopReason;
-use crate::exit::name_holder;
+use crate::command::name_holder;
 use crate::numbers::finite;
-use crate::procedure::person::say;
+use crate::procedure::say;
 
 /// Kind and values of a region, rad or m.
 type Region = (FixtureKind, [f64; 4]);
@@ -66,19 +63,17 @@ enum Action {
     HalfSpace,
 }
 
-/// Carries out the action and prints the resulting regions.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let request = request(arguments.action, &arguments.numbers)?;
     let domain = arguments.domain.domain()?;
-    carry_out(&domain, request).map_err(|failure| name_holder(failure, &domain))
-}
-
-fn carry_out(domain: &Domain, request: Request) -> Result<(), Failure> {
-    let mut client = crate::command::prepare::connect(domain)?;
-    if let Some((action, region)) = request {
-        client.virtual_fixture(action, region)?;
-    }
-    say(&table(&newest(&client)?))
+    let carry_out = || -> Result<(), Failure> {
+        let mut client = super::prepare::connect(&domain)?;
+        if let Some((action, region)) = request {
+            client.virtual_fixture(action, region)?;
+        }
+        say(&table(&newest(&client)?))
+    };
+    carry_out().map_err(|failure| name_holder(failure, &domain))
 }
 
 fn request(action: Action, numbers: &[f64]) -> Result<Request, Failure> {
@@ -97,9 +92,9 @@ fn request(action: Action, numbers: &[f64]) -> Result<Request, Failure> {
         (Action::Ball, &[x, y, z, radius]) => (FixtureKind::Ball, [m(x), m(y), m(z), m(radius)]),
         (Action::HalfSpace, &[x, y, z, offset]) => (FixtureKind::HalfSpace, [x, y, z, m(offset)]),
         (_, numbers) => {
+            let count = numbers.len();
             let sentence = format!(
-                "{} number(s) do not fit; see the regions in `i2ris command fixture --help`",
-                numbers.len()
+                "{count} number(s) do not fit; see the regions in `i2ris command fixture --help`"
             );
             return Err(Coded { code: 2, sentence }.into());
         }
@@ -107,7 +102,6 @@ fn request(action: Action, numbers: &[f64]) -> Result<Request, Failure> {
     Ok(Some((FixtureAction::Add, Some(region))))
 }
 
-/// The regions after this moment.
 fn newest(client: &Client) -> Result<VirtualFixturesMsg, Failure> {
     let mut stream = client.watcher().virtual_fixtures();
     let start = i2ris::clock::now();
@@ -139,9 +133,8 @@ pub fn table(message: &VirtualFixturesMsg) -> String {
 }
 
 fn describe(kind: FixtureKind, values: &[f64; 17]) -> String {
-    let deg = |index: usize| values.get(index).copied().unwrap_or(0.0).to_degrees();
-    let mm = |index: usize| values.get(index).copied().unwrap_or(0.0) * 1e3;
     let plain = |index: usize| values.get(index).copied().unwrap_or(0.0);
+    let (deg, mm) = (|index| f64::to_degrees(plain(index)), |index| plain(index) * 1e3);
     match kind {
         FixtureKind::None => String::new(),
         FixtureKind::Circle => {
@@ -153,13 +146,10 @@ fn describe(kind: FixtureKind, values: &[f64; 17]) -> String {
         FixtureKind::Ball => {
             format!("around {:+.3} {:+.3} {:+.3} mm, radius {:.3} mm", mm(0), mm(1), mm(2), mm(3))
         }
-        FixtureKind::HalfSpace => format!(
-            "beyond {:+.3} mm along {:+.2} {:+.2} {:+.2}",
-            mm(3),
-            plain(0),
-            plain(1),
-            plain(2)
-        ),
+        FixtureKind::HalfSpace => {
+            let [x, y, z] = [0, 1, 2].map(plain);
+            format!("beyond {:+.3} mm along {x:+.2} {y:+.2} {z:+.2}", mm(3))
+        }
         FixtureKind::Polygon => {
             let corners = (0..plain(0) as usize).map(|k| {
                 let (pitch, yaw) = (deg(1 + 2 * k), deg(2 + 2 * k));
@@ -198,10 +188,8 @@ mod tests {
         let requested =
             |action, numbers: &[f64]| request(action, numbers).map_err(|error| error.to_string());
         let ball = Some((FixtureKind::Ball, [1e-3, 0.0, 1.5e-3, 2e-4]));
-        assert_eq!(
-            requested(Action::Ball, &[1.0, 0.0, 1.5, 0.2]),
-            Ok(Some((FixtureAction::Add, ball)))
-        );
+        let asked = Ok(Some((FixtureAction::Add, ball)));
+        assert_eq!(requested(Action::Ball, &[1.0, 0.0, 1.5, 0.2]), asked);
         assert_eq!(requested(Action::List, &[]), Ok(None));
         for (action, numbers) in [(Action::Ball, &[1.0, 2.0][..]), (Action::Off, &[1.0])] {
             assert!(requested(action, numbers).unwrap_err().contains("do not fit"));

@@ -1,16 +1,13 @@
 //! Streams that a loaded computer holds up.
 
-use std::collections::VecDeque;
-use std::{fs, thread};
+use std::{collections::VecDeque, fs, thread};
 
-use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::units::Nanos;
+use i2ris::{ipc::payload::OperatingStateMsg, units::Nanos};
 
 /// Number of stops within `SPAN` that cannot be one event.
 const OFTEN: usize = 5;
 const SPAN: Nanos = Nanos::from_millis(60_000);
 
-/// Counts stops by late commands while this client commands.
 #[derive(Debug, Default)]
 pub struct HeldUp {
     stale_stops: u64,
@@ -24,8 +21,7 @@ impl HeldUp {
         Self { stale_stops: state.stale_stops, seen_at: now, ..Self::default() }
     }
 
-    /// Checks the newest state. After `OFTEN` stops within `SPAN`: the longest time in which this
-    /// program saw no state.
+    /// After `OFTEN` stops within `SPAN`: the longest time in which this program saw no state.
     pub fn check(&mut self, state: &OperatingStateMsg, now: Nanos) -> Option<Nanos> {
         self.longest = self.longest.max(now.duration_since(self.seen_at));
         self.seen_at = now;

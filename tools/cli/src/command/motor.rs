@@ -1,32 +1,24 @@
 //! `i2ris command motor`: moves one motor a few counts and back, without camera or model.
 
-use i2ris::clock;
-use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::{Client, Latest};
-use i2ris::ipc::payload::ActuatorState;
-use i2ris::realtime::Ticker;
-use i2ris::units::Nanos;
+use i2ris::ipc::{StateCommand, payload::ActuatorState};
+use i2ris::{clock, realtime::Ticker, units::Nanos};
 use i2ris_report::{DomainOption, Failure, Interrupt, bail};
 
 use super::prepare::{FIRST_MESSAGE_TIMEOUT, HOMING, PrepareOptions, prepare};
 use super::stream_monitor::{StopReason, StreamMonitor};
-use crate::procedure::person::{Person, Terminal, say};
+use crate::procedure::{Person, Terminal, say};
 
 /// Largest distance, counts: enough to see a motor turn, too little to bend a snake far.
 const MAX_COUNTS: i32 = 100;
-
 /// Slow enough to watch, and to stop by hand.
 const SPEED_COUNTS_S: f64 = 50.0;
-
 /// Command period: well below the deadline of a controller.
 const PERIOD: Nanos = Nanos::from_millis(5);
-
 /// Commands at each target before reading the position: half a second.
 const RESTS: usize = 100;
-
 /// Time for the controller to read the last command: many ticks.
 const LAST_COMMAND: Nanos = Nanos::from_millis(50);
-
 /// Position error above which a motor has not followed, counts. An encoder may toggle.
 const MAX_POSITION_ERROR: i32 = 3;
 
@@ -78,10 +70,9 @@ fn permission(arguments: &Arguments, interrupt: &Interrupt) -> Result<PrepareOpt
     if prepare.is_given() {
         return Ok(*prepare);
     }
-    let mut person = Terminal::open(interrupt).ok_or(
-        "the motor moves, and there is no operator to ask here: add --enable, or --home if its \
-         zero is unknown",
-    )?;
+    let why = "the motor moves, and there is no operator to ask here: add --enable, or --home if \
+               its zero is unknown";
+    let mut person = Terminal::open(interrupt).ok_or(why)?;
     let typed = person.answer(&format!(
         "motor {motor} will move {counts} counts and back. Its drive will be powered; if its zero \
          is unknown, {HOMING}. Is the snake out of the eye, are the wires slack, and is one hand \
@@ -93,7 +84,6 @@ fn permission(arguments: &Arguments, interrupt: &Interrupt) -> Result<PrepareOpt
     }
 }
 
-/// The newest state of the motors after this instant.
 fn newest(motors: &mut Latest<ActuatorState>, after: Nanos) -> Result<ActuatorState, Failure> {
     while clock::now().duration_since(after) < FIRST_MESSAGE_TIMEOUT {
         match motors.refresh()? {
@@ -136,7 +126,7 @@ fn there_and_back(
             if let Some(state) = client.operating_state()? {
                 monitor.check(&state, clock::now())?;
             }
-            if let Some(load) = monitor.take_load() {
+            if let Some(load) = monitor.load.take() {
                 say(&load)?;
             }
             if let Some(state) = motors.refresh()? {

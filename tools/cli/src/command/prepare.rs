@@ -2,19 +2,16 @@
 //! commands.
 
 use i2ris::ipc::client::{Client, ClientError};
-use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand};
-use i2ris::units::Nanos;
+use i2ris::{ipc::payload::OperatingStateMsg, units::Nanos};
 use i2ris_report::{Failure, Interrupt, bail, while_working};
 
 use super::stream_monitor::{StopReason, enabled};
 
-/// Time to wait for a controller that is starting.
 pub const CONNECT: Nanos = Nanos::from_millis(2000);
 pub const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 /// Time limit for a motion begun by another client.
 const MOTION_TIMEOUT: Nanos = Nanos::from_millis(300_000);
-
 pub const HOMING: &str = "the present pose becomes the zero (where no hard stop is configured)";
 
 #[derive(Debug, Clone, Copy, clap::Args)]
@@ -32,10 +29,8 @@ impl PrepareOptions {
     /// Options allowed by an operator who typed yes.
     pub const ALL: Self = Self { enable: true, home: true };
 
-    /// As `ALL`, without changing the zero.
     pub const ENABLE: Self = Self { enable: true, home: false };
 
-    /// Whether either option is given: a permission to move.
     pub fn is_given(self) -> bool {
         self.enable || self.home
     }
@@ -106,8 +101,7 @@ fn silent(error: ClientError) -> Failure {
     if matches!(error, ClientError::Timeout(_)) { StopReason::Silent.into() } else { error.into() }
 }
 
-/// Waits until the robot is not busy with another client's motion. A fault or an interrupt ends
-/// the wait.
+/// Waits for the end of another client's motion. A fault or an interrupt ends the wait.
 fn wait_until_idle(
     client: &mut Client,
     interrupt: &Interrupt,

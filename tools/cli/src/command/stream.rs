@@ -1,19 +1,15 @@
-//! Streams a trajectory to the controller.
+//! Streams a trajectory to the controller: its output, and how it resumes after the controller
+//! stopped the snake.
 
-use i2ris::clock;
-use i2ris::ipc::StateCommand;
-use i2ris::ipc::client::{Client, Commander, Latest, Subscription};
-use i2ris::ipc::payload::{ExternalPosition, JointState};
-use i2ris::realtime::Ticker;
-use i2ris::units::Nanos;
+use i2ris::ipc::client::{Client, ClientError, Commander, Latest, Subscription};
+use i2ris::ipc::payload::{ExternalPosition, JointState, OperatingStateMsg};
+use i2ris::{clock, ipc::StateCommand, realtime::Ticker, units::Nanos};
+use i2ris_report::{Failure, Interrupt, Screen, bail, until_closed};
 
 use super::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
-use super::progress::{LOST_SETPOINT, Progress, restart_stream};
 use super::stream_monitor::{LateMonitor, StopReason, StreamMonitor};
 use super::tracking::{ClipMonitor, TrackingSummary};
-use super::trajectory::{Angles, Trajectory};
-use super::trajectory_player::TrajectoryPlayer;
-use i2ris_report::{Failure, Interrupt, bail};
+use super::trajectory::{Angles, Trajectory, TrajectoryPlayer};
 
 /// Distance that counts as arrived, deg: dead-band, rounding to counts, a settling motor.
 const ARRIVED_DEG: f64 = 0.3;
@@ -29,10 +25,8 @@ pub enum OnLate {
     End,
 }
 
-#[derive(Debug)]
 pub struct Plan {
     pub name: &'static str,
-    /// The trajectory; `None`: hold the present pose.
     pub trajectory: Option<Trajectory>,
     /// Time on the trajectory, s; `None`: to its end, or until interrupted.
     pub duration_s: Option<f64>,
@@ -51,8 +45,8 @@ pub fn present_pose(client: &Client) -> Result<Angles, Failure> {
             Some(joint) if joint.flags & JointState::VALID != 0 => return two_angles(joint),
             Some(_) if clock::now().duration_since(start) > FIRST_MESSAGE_TIMEOUT => {
                 bail!(
-                    "the controller has no model loaded and accepts no angles; name a model file \
-                            in its configuration"
+                    "the controller has no model loaded and accepts no angles; name a model \
+                     file in its configuration"
                 );
             }
             None if clock::now().duration_since(start) > FIRST_MESSAGE_TIMEOUT => {
@@ -72,18 +66,13 @@ pub fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
     }
 }
 
-/// Streams the plan until it ends, is interrupted, or the controller stops following.
-/// Releases the lease.
+/// Streams until the plan ends, an interrupt, or a controller that stops following.
 pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(), Failure> {
     let state = prepare(client, plan.prepare, interrupt)?;
     let monitor = StreamMonitor::new(client.id(), &state, clock::now());
     let pose = present_pose(client)?;
-    let player = TrajectoryPlayer::new(
-        pose,
-        plan.trajectory.unwrap_or(Trajectory::Point(pose)),
-        plan.speed_deg_s,
-        plan.duration_s,
-    );
+    let trajectory = plan.trajectory.unwrap_or(Trajectory::Point(pose));
+    let player = TrajectoryPlayer::new(pose, trajectory, plan.speed_deg_s, plan.duration_s);
     let mut stream = Stream {
         name: plan.name,
         period: Nanos((1e9 / plan.rate_hz) as u64),
@@ -136,13 +125,13 @@ impl Stream<'_> {
                 return Ok(());
             }
             let step_s = (now - last).as_seconds();
-            let may_continue = self.progress.monitor().may_continue();
+            let may_continue = self.progress.monitor.may_continue();
             let angles = self.player.advance(if may_continue { step_s } else { 0.0 }, stop);
             self.late.record_step(step_s);
             last = now;
             self.commander.servo_jp(&angles.map(f64::to_radians))?;
             closed |= !self.check_response(client, angles)?;
-            if self.progress.monitor().has_lost_setpoint() {
+            if self.progress.monitor.has_lost_setpoint() {
                 last = self.rejoin(client)?;
             }
         }
@@ -152,7 +141,7 @@ impl Stream<'_> {
     fn has_arrived(&self, finished: &mut Option<Nanos>, now: Nanos) -> Result<bool, Failure> {
         let since = *finished.get_or_insert(now);
         let away_deg = self.tracking.away_deg();
-        if away_deg <= ARRIVED_DEG || self.clips.is_clipped() {
+        if away_deg <= ARRIVED_DEG || self.clips.is_clipped {
             return Ok(true);
         }
         if now.duration_since(since) < ARRIVAL_TIMEOUT {
@@ -164,12 +153,11 @@ impl Stream<'_> {
         )
     }
 
-    /// Resumes from the setpoint where the controller stopped the snake.
     fn rejoin(&mut self, client: &mut Client) -> Result<Nanos, Failure> {
         let state = restart_stream(client)?;
         self.player.rejoin(present_pose(client)?);
         let now = clock::now();
-        self.progress.monitor().restart(&state, now);
+        self.progress.monitor.restart(&state, now);
         self.progress.say(LOST_SETPOINT)?;
         Ok(now)
     }
@@ -217,12 +205,73 @@ fn line(
         None => "until Ctrl-C".to_owned(),
     };
     let measured = measured.filter(|joint| joint.flags & JointState::VALID != 0);
-    let measured = measured.map_or_else(
-        || "unknown".to_owned(),
-        |joint| {
-            let [pitch, yaw, _] = joint.position.map(f64::to_degrees);
-            format!("{pitch:+.2} {yaw:+.2}")
-        },
-    );
+    let measured = measured.map(|joint| joint.position.map(f64::to_degrees));
+    let measured = measured.map(|[pitch, yaw, _]| format!("{pitch:+.2} {yaw:+.2}"));
+    let measured = measured.unwrap_or_else(|| "unknown".to_owned());
     format!("{name}: {left}; pitch, yaw commanded {pitch:+.2} {yaw:+.2}, measured {measured} deg")
+}
+
+const TERMINAL_PERIOD: Nanos = Nanos::from_millis(100);
+const FILE_PERIOD: Nanos = Nanos::from_millis(1000);
+const REST_TIMEOUT: Nanos = Nanos::from_millis(2000);
+
+pub struct Progress {
+    monitor: StreamMonitor,
+    screen: Screen,
+    next_line: Nanos,
+}
+
+impl Progress {
+    pub fn new(monitor: StreamMonitor) -> Self {
+        Self { monitor, screen: Screen::stdout(), next_line: Nanos::ZERO }
+    }
+
+    /// Prints a line that stays. Returns whether standard output still has a reader.
+    pub fn say(&mut self, line: &str) -> Result<bool, Failure> {
+        Ok(until_closed(self.screen.say(line))?)
+    }
+
+    /// Prints a new refusal, or `line` when it is due. Returns whether a reader is left.
+    pub fn check(
+        &mut self,
+        client: &mut Client,
+        line: impl FnOnce() -> String,
+    ) -> Result<bool, Failure> {
+        let now = clock::now();
+        let state = client.operating_state()?;
+        let refusal = state.map_or(Ok(None), |state| self.monitor.check(&state, now))?;
+        if let Some(load) = self.monitor.load.take()
+            && !self.say(&load)?
+        {
+            return Ok(false);
+        }
+        if let Some(refusal) = refusal {
+            return self.say(&format!("refused: {refusal}"));
+        }
+        if now < self.next_line {
+            return Ok(true);
+        }
+        let period = if self.screen.is_terminal() { TERMINAL_PERIOD } else { FILE_PERIOD };
+        self.next_line = now + period;
+        Ok(until_closed(self.screen.draw(&[line()]))?)
+    }
+}
+
+/// Printed when a stream resumes from the setpoint.
+pub const LOST_SETPOINT: &str = "the controller has stopped the snake, because commands came late \
+     or were not read; the motion resumes from the present pose";
+
+/// Waits until no setpoint moves, then releases the lease, so that the next command starts a new
+/// stream. `release` is safe in every state: it never enables or resumes. If another client takes
+/// the lease in the meantime, nothing is sent, and the caller sees it by the lease.
+pub fn restart_stream(client: &mut Client) -> Result<OperatingStateMsg, ClientError> {
+    let id = client.id();
+    let is_ours = |state: &OperatingStateMsg| [0, id].contains(&state.lease_client_id);
+    let state = client.wait_for(REST_TIMEOUT, |state| {
+        state.flags & OperatingStateMsg::AT_REST != 0 || !is_ours(state)
+    })?;
+    if is_ours(&state) {
+        client.state_command(StateCommand::Release)?;
+    }
+    Ok(state)
 }

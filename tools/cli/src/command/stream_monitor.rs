@@ -1,10 +1,8 @@
 //! Checks the response of the controller to a stream of commands. Pure.
 
-use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Fault, MaskedClientId, Message, OperatingState, Refusal};
 use i2ris::robot::{Cause, Reason, Stop};
-use i2ris::units::Nanos;
-
+use i2ris::{ipc::payload::OperatingStateMsg, units::Nanos};
 use i2ris_simulation::motion::trajectory_time::MAX_STEP_S;
 
 use super::held_up::{self, HeldUp};
@@ -12,17 +10,13 @@ use super::held_up::{self, HeldUp};
 /// Time without an accepted command, and age of the state, at which the program gives up.
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
-
 /// Number of consecutive restarts of a stream without a followed command. A controller that
 /// was delayed reads the first commands late, and then finds the newest too far away.
 const RESTARTS: u32 = 10;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum StopReason {
-    #[error(
-        "the controller is in FAULT: {}",
-        Reason::from(Cause::Fault(*.0))
-    )]
+    #[error("the controller is in FAULT: {}", Reason::from(Cause::Fault(*.0)))]
     Fault(Fault),
     #[error(
         "the controller is {}, not ENABLED; add --enable, or run {}",
@@ -40,7 +34,6 @@ pub enum StopReason {
          straighten the snake, then add --home, or run `i2ris home`"
     )]
     NotHomed,
-    /// State number of a different release.
     #[error(
         "the controller reports state {0}, which is unknown to this program; build both from the \
          same release"
@@ -53,10 +46,7 @@ pub enum StopReason {
     Lease(u64),
     #[error("lost the lease to {}", MaskedClientId(*.0))]
     LostLease(u64),
-    #[error(
-        "the controller refuses every command: {}",
-        Reason::from(Cause::Refusal(*.0))
-    )]
+    #[error("the controller refuses every command: {}", Reason::from(Cause::Refusal(*.0)))]
     Refused(Refusal),
     #[error("the controller stopped the snake: {}", Reason::from(Cause::Stop(*.0)))]
     Stopped(Stop),
@@ -87,18 +77,15 @@ pub struct StreamMonitor {
     accepted: u64,
     accepted_at: Nanos,
     refused: u64,
-    /// Last stop cause at the time of the last followed command.
     ended: Option<Stop>,
-    /// Reason why the newest commands are refused.
     refused_now: Option<Refusal>,
-    /// Remaining restarts before a command is followed.
     restarts_left: u32,
     /// The stream has restarted, and no command has been followed since.
     waits: bool,
     reported: Option<(Refusal, Nanos)>,
     held_up: HeldUp,
-    /// Note on the load, until `take_load`.
-    load: Option<String>,
+    /// Note of a stream that the computer's load has held up often, for the caller to take.
+    pub load: Option<String>,
 }
 
 impl StreamMonitor {
@@ -115,8 +102,7 @@ impl StreamMonitor {
         }
     }
 
-    /// Whether commands are refused after having been followed, because they moved on while the
-    /// controller had stopped the snake.
+    /// Whether followed commands are now refused: they moved on while the snake was stopped.
     pub fn has_lost_setpoint(&self) -> bool {
         self.refused_now == Some(Refusal::StepTooLarge) && self.restarts_left > 0
     }
@@ -135,11 +121,6 @@ impl StreamMonitor {
     /// finds the newest command too far away again.
     pub fn may_continue(&self) -> bool {
         !self.waits
-    }
-
-    /// Takes the note of a stream that the computer's load has held up often.
-    pub fn take_load(&mut self) -> Option<String> {
-        self.load.take()
     }
 
     /// Checks the newest state. Returns a refusal to report.
@@ -174,8 +155,7 @@ impl StreamMonitor {
     fn check_lease(&mut self, holder: u64) -> Result<(), StopReason> {
         self.had_lease |= holder == self.client_id;
         match holder {
-            0 => Ok(()),
-            holder if holder == self.client_id => Ok(()),
+            holder if holder == 0 || holder == self.client_id => Ok(()),
             holder if self.had_lease => Err(StopReason::LostLease(holder)),
             holder => Err(StopReason::Lease(holder)),
         }
@@ -219,8 +199,6 @@ impl StreamMonitor {
     }
 }
 
-/// Notices stops by late commands, which shift a trajectory in time.
-#[derive(Debug)]
 pub struct LateMonitor {
     stale_stops: u64,
     shift_s: f64,
@@ -258,19 +236,14 @@ mod tests {
     const OTHER: u64 = 8;
 
     fn state(now: Nanos) -> OperatingStateMsg {
-        OperatingStateMsg {
-            stamp_ns: now.0,
-            boot_id: 1,
-            state: OperatingState::Enabled.number(),
-            ..OperatingStateMsg::default()
-        }
+        let enabled = OperatingState::Enabled.number();
+        OperatingStateMsg { stamp_ns: now.0, boot_id: 1, state: enabled, ..Default::default() }
     }
 
     fn at(milliseconds: u64) -> Nanos {
         Nanos::from_millis(10_000 + milliseconds)
     }
 
-    /// State after this number of refused commands of one client.
     fn refused_state(now: Nanos, client_id: u64, count: u64, reason: Refusal) -> OperatingStateMsg {
         let mut state =
             OperatingStateMsg { refused: count, last_refusal: reason.number(), ..state(now) };
@@ -293,8 +266,7 @@ mod tests {
             let refusal = Refusal::StepTooLarge;
             let state =
                 OperatingStateMsg { accepted: step, ..refused_state(now, ME, step, refusal) };
-            reported +=
-                u64::from(monitor.check(&state, now).unwrap() == Some(Refusal::StepTooLarge));
+            reported += u64::from(monitor.check(&state, now).unwrap() == Some(refusal));
         }
         assert_eq!(reported, 3);
     }
@@ -320,10 +292,8 @@ mod tests {
             monitor.check(&refused(1, at(905), 5), at(905)).unwrap();
             assert_eq!(monitor.has_lost_setpoint(), restart < RESTARTS);
         }
-        assert_eq!(
-            monitor.check(&refused(1, at(1910), 6), at(1910)),
-            Err(StopReason::Refused(Refusal::StepTooLarge))
-        );
+        let ended = monitor.check(&refused(1, at(1910), 6), at(1910));
+        assert_eq!(ended, Err(StopReason::Refused(Refusal::StepTooLarge)));
         assert!(!monitor.may_continue());
         monitor.check(&refused(2, at(1915), 6), at(1915)).unwrap();
         assert!(monitor.may_continue());
@@ -337,10 +307,8 @@ mod tests {
             let state = refused_state(now, OTHER, step, Refusal::Stamp);
             assert_eq!(monitor.check(&state, now), Ok(None));
         }
-        assert_eq!(
-            monitor.check(&refused_state(at(1100), OTHER, 200, Refusal::Stamp), at(1100)),
-            Err(StopReason::Ignored)
-        );
+        let last = refused_state(at(1100), OTHER, 200, Refusal::Stamp);
+        assert_eq!(monitor.check(&last, at(1100)), Err(StopReason::Ignored));
     }
 
     #[test]
@@ -367,14 +335,9 @@ mod tests {
         assert_eq!(ended, StopReason::Stopped(Stop::Hull));
         assert!(ended.to_string().contains("calibrated range"), "{ended}");
         // What ended another motion before is not the reason.
-        let refusal = StreamMonitor::new(ME, &state, at(0)).check(
-            &OperatingStateMsg {
-                refused_commands: refused_state(at(6), ME, 2, Refusal::StreamInterrupted)
-                    .refused_commands,
-                ..state
-            },
-            at(6),
-        );
+        let second = refused_state(at(6), ME, 2, Refusal::StreamInterrupted);
+        let again = OperatingStateMsg { refused_commands: second.refused_commands, ..state };
+        let refusal = StreamMonitor::new(ME, &state, at(0)).check(&again, at(6));
         assert_eq!(refusal, Ok(Some(Refusal::StreamInterrupted)));
     }
 

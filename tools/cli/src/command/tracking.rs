@@ -2,20 +2,17 @@
 
 use std::collections::VecDeque;
 
-use i2ris::ipc::Message;
 use i2ris::ipc::payload::{ExternalPosition, JointState};
-use i2ris::units::Nanos;
+use i2ris::{ipc::Message, units::Nanos};
 use i2ris_report::statistics::interpolate;
 
 use super::trajectory::Angles;
 
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
-
 /// Length of the command history: a camera frame is older than the command it belongs to.
 const REMEMBERED: Nanos = Nanos::from_millis(2000);
 
-/// Sums up the distance of the snake from the commanded pose: by the camera, if available, and by
-/// the model's estimate from the encoders.
+/// Distance of the snake from the commanded pose, by the camera, if any, and by the estimate.
 #[derive(Debug, Default)]
 pub struct TrackingSummary {
     commanded: VecDeque<(Nanos, Angles)>,
@@ -69,7 +66,6 @@ impl ErrorSum {
 }
 
 impl TrackingSummary {
-    /// Adds the commanded pose, deg, and the estimate from the encoders.
     pub fn record(&mut self, now: Nanos, commanded: Angles, measured: &JointState) {
         self.commanded.push_back((now, commanded));
         while self.commanded.front().is_some_and(|(at, _)| now.duration_since(*at) > REMEMBERED) {
@@ -84,9 +80,8 @@ impl TrackingSummary {
 
     /// Adds a camera frame, compared with the pose commanded at its stamp.
     pub fn record_frame(&mut self, frame: &ExternalPosition) {
-        let is_new = frame.stamp_ns > self.last_frame_ns;
         let is_valid = frame.flags & ExternalPosition::VALID != 0 && frame.count == 2;
-        if is_new
+        if frame.stamp_ns > self.last_frame_ns
             && is_valid
             && let Some((commanded, velocity_deg_s)) = self.requested_at(frame.stamp())
         {
@@ -120,10 +115,8 @@ impl TrackingSummary {
                  camera"
             ),
             frames => {
-                let late = self
-                    .delay
-                    .delay_ms()
-                    .map_or_else(String::new, |delay_ms| format!(", {delay_ms:.0} ms late"));
+                let late = self.delay.delay_ms().map(|delay_ms| format!(", {delay_ms:.0} ms late"));
+                let late = late.unwrap_or_default();
                 format!(
                     "followed within {}, by {frames} camera frames{late} (by the model's own \
                      estimate: {estimate})",
@@ -139,8 +132,8 @@ impl TrackingSummary {
 pub struct ClipMonitor {
     /// Earlier goals belong to another client.
     since: Nanos,
-    is_clipped: bool,
-    /// A virtual fixture limits the newest goal.
+    /// The newest goal is nearer than the command.
+    pub is_clipped: bool,
     is_fixture: bool,
     /// The hull or the position limits clipped some goal.
     was_clipped: bool,
@@ -148,7 +141,6 @@ pub struct ClipMonitor {
     farthest_deg: f64,
 }
 
-/// Reason why a complete stream is not a success.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "out of reach: the snake stayed up to {farthest_deg:.1} deg away from the commanded pose; stay \
@@ -156,7 +148,6 @@ pub struct ClipMonitor {
      wider range"
 )]
 pub struct OutOfReach {
-    /// Largest distance between the command and the goal of the controller, deg.
     pub farthest_deg: f64,
 }
 
@@ -165,8 +156,7 @@ impl ClipMonitor {
         Self { since, ..Self::default() }
     }
 
-    /// Checks the newest goal of the controller. Returns a line to print when clipping begins, at
-    /// most once a second.
+    /// Returns a line to print when clipping begins, at most once a second.
     pub fn check(&mut self, commanded: Angles, goal: &JointState, now: Nanos) -> Option<String> {
         let is_new = goal.stamp_ns > self.since.0;
         self.is_fixture = is_new && goal.flags & JointState::FIXTURE != 0;
@@ -175,8 +165,7 @@ impl ClipMonitor {
             return None;
         }
         let began = !std::mem::replace(&mut self.is_clipped, true);
-        let away = distance_deg(commanded, goal.position);
-        self.farthest_deg = self.farthest_deg.max(away);
+        self.farthest_deg = self.farthest_deg.max(distance_deg(commanded, goal.position));
         let due = |last: Nanos| now.duration_since(last) >= REPEAT_PERIOD;
         if !began || !self.reported.is_none_or(due) {
             return None;
@@ -192,19 +181,12 @@ impl ClipMonitor {
         ))
     }
 
-    /// Whether the newest goal is nearer than the command.
-    pub fn is_clipped(&self) -> bool {
-        self.is_clipped
-    }
-
     pub fn outcome(&self) -> Result<(), OutOfReach> {
-        match self.reported {
-            // A fixture may only slow the snake down, so the end is judged.
-            Some(_) if self.was_clipped || self.is_fixture => {
-                Err(OutOfReach { farthest_deg: self.farthest_deg })
-            }
-            Some(_) | None => Ok(()),
+        // A fixture may only slow the snake down, so the end is judged.
+        if self.reported.is_some() && (self.was_clipped || self.is_fixture) {
+            return Err(OutOfReach { farthest_deg: self.farthest_deg });
         }
+        Ok(())
     }
 }
 
@@ -223,10 +205,9 @@ mod tests {
 
     #[test]
     fn tracking_is_summed_up_in_degrees() {
-        let joint = |pitch: f64, flags| JointState {
-            position: [pitch.to_radians(), 0.0, 0.0],
-            flags,
-            ..JointState::default()
+        let joint = |pitch: f64, flags| {
+            let position = [pitch.to_radians(), 0.0, 0.0];
+            JointState { position, flags, ..JointState::default() }
         };
         let mut tracking = TrackingSummary::default();
         assert_eq!(tracking.summary(), None);
@@ -235,10 +216,8 @@ mod tests {
         tracking.record(at(10), [90.0, 0.0], &joint(0.0, 0));
         let alone = tracking.summary().unwrap();
         assert!(alone.contains("3.54 deg RMS, 4.00 deg at most"), "{alone}");
-        assert!(
-            alone.ends_with("by the model's own estimate; not measured by a camera"),
-            "{alone}"
-        );
+        let end = "by the model's own estimate; not measured by a camera";
+        assert!(alone.ends_with(end), "{alone}");
     }
 
     #[test]
@@ -248,12 +227,9 @@ mod tests {
         for step in 0..=100 {
             tracking.record(at(5 * step), [0.01 * step as f64, 0.0], &joint);
         }
-        let frame = |ms, pitch: f64| ExternalPosition {
-            stamp_ns: at(ms).0,
-            position: [pitch.to_radians(), 0.0, 0.0],
-            count: 2,
-            flags: ExternalPosition::VALID,
-            ..ExternalPosition::default()
+        let frame = |ms, pitch: f64| {
+            let (position, flags) = ([pitch.to_radians(), 0.0, 0.0], ExternalPosition::VALID);
+            ExternalPosition { stamp_ns: at(ms).0, position, count: 2, flags, ..Default::default() }
         };
         // Between two commands, 0.1 deg behind the commanded 0.204 deg, moving at 2 deg/s.
         tracking.record_frame(&frame(102, 0.104));
@@ -267,11 +243,9 @@ mod tests {
 
     #[test]
     fn clipping_is_reported_when_it_begins_and_remembered() {
-        let goal = |milliseconds, flags| JointState {
-            stamp_ns: at(milliseconds).0,
-            position: [20_f64.to_radians(), 0.0, 0.0],
-            flags,
-            ..JointState::default()
+        let goal = |milliseconds, flags| {
+            let (stamp_ns, position) = (at(milliseconds).0, [20_f64.to_radians(), 0.0, 0.0]);
+            JointState { stamp_ns, position, flags, ..JointState::default() }
         };
         let clipped = JointState::VALID | JointState::CLIPPED;
         let mut clips = ClipMonitor::new(at(0));
@@ -284,7 +258,6 @@ mod tests {
         assert!(line.contains("+20.00 +0.00"), "{line}");
         assert_eq!(clips.check([63.0, 0.0], &goal(4, clipped), at(4)), None);
         assert_eq!(clips.check([5.0, 0.0], &goal(5, 1), at(5)), None);
-        let out_of_reach = clips.outcome().unwrap_err();
-        assert!((out_of_reach.farthest_deg - 43.0).abs() < 1e-9);
+        assert!((clips.outcome().unwrap_err().farthest_deg - 43.0).abs() < 1e-9);
     }
 }

@@ -42,7 +42,7 @@ use record::Record;
 use session::{Lines, Session, keep};
 
 use crate::procedure::Procedure;
-use crate::procedure::person::{Person, Terminal, permission};
+use crate::procedure::{Person, Terminal, permission};
 
 /// Exchanges of the histogram.
 const EXCHANGES: usize = 10_000;

@@ -13,7 +13,7 @@ use super::record::{NOT_THERE, Sweep, Topic};
 use super::session::{Motor, ms};
 use super::watch::{FEW, Permit, PowerCutReason, SILENT, Seen};
 use crate::procedure::Halt;
-use crate::procedure::person::{Permission, permission};
+use crate::procedure::{Permission, permission};
 
 /// Time with power before communication stops, and duration of that silence.
 const QUIET: Nanos = Nanos::from_millis(1000);

@@ -5,8 +5,8 @@ use i2ris_report::Failure;
 use super::record::{Outcome, Stage};
 use super::session::{Lines, Session};
 use super::{moving, reading, stopping};
-use crate::procedure::person::{Gone, permission};
 use crate::procedure::{Ended, Halt, Place, Procedure};
+use crate::procedure::{Gone, permission};
 
 impl<L: Lines> Procedure for Session<'_, L> {
     type Stage = Stage;

@@ -14,9 +14,9 @@ use i2ris::drive::transport::Transport;
 use i2ris::robot::DriveFingerprint;
 use i2ris::units::Nanos;
 
-use crate::doctor::ports::rename_axes;
+use crate::doctor::drives::rename_axes;
+use crate::procedure::Gone;
 use crate::procedure::Halt;
-use crate::procedure::person::Gone;
 
 use super::proposal::Change;
 use super::record::{NOT_THERE, Record, Topic};

@@ -22,7 +22,7 @@ use super::node::Node;
 use super::record::{Record, Stage, Topic};
 use super::watch::PowerCutReason;
 use crate::procedure::Halt;
-use crate::procedure::person::{Gone, Permission, Person};
+use crate::procedure::{Gone, Permission, Person};
 
 /// Source of the lines, and of processes next to the commissioning.
 pub trait Lines {

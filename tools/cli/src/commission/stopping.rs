@@ -14,7 +14,7 @@ use super::record::Topic;
 use super::session::{Lines, Motor, Session, ms};
 use super::watch::{Permit, PowerCutReason};
 use crate::procedure::Halt;
-use crate::procedure::person::{Gone, Permission, permission};
+use crate::procedure::{Gone, Permission, permission};
 
 /// Time that a drive holds with power, waiting for the operator.
 const PATIENCE: Nanos = Nanos::from_millis(30_000);

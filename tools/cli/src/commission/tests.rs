@@ -27,7 +27,7 @@ use super::page::page;
 use super::record::{NOT_ASKED, Record, Topic};
 use super::session::{Lines, Session};
 use crate::procedure::Procedure;
-use crate::procedure::person::{Gone, Person};
+use crate::procedure::{Gone, Person};
 
 const TURN: f64 = 1024.0;
 const LINES: [Line; 3] = [Line::Lab, Line::UsbEach, Line::Rs232];

@@ -7,7 +7,7 @@ use i2ris::drive::cia402::DriveState;
 use i2ris::drive::error::AxisError;
 use i2ris::units::Nanos;
 
-use crate::procedure::person::Permission;
+use crate::procedure::Permission;
 
 /// Maximum counts for one permission: a twentieth of a degree of the snake.
 pub const FEW: i32 = 20;

@@ -167,7 +167,7 @@ impl Demo {
             let rows: Vec<Vec<f64>> =
                 rows.map(|(k, [pitch, yaw])| vec![k as f64 / RATE_HZ, *pitch, *yaw]).collect();
             let file = self.path("motion.csv");
-            csv_table::write(&file, &csv_table::ANGLES, &rows)?;
+            csv_table::write(&file, &["t_s", "pitch_deg", "yaw_deg"], &rows)?;
             let length_s = path.len() as f64 / RATE_HZ;
             let bar = bar_of_time(&format!("follow {motion} with `{model}`"), length_s);
             let mut recorder = TrackingRecorder::new(&client);

@@ -6,24 +6,18 @@
 mod config;
 mod devices;
 pub mod drives;
-pub mod ports;
-pub mod report;
 mod system;
-mod usb;
 mod wire;
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 
-use i2ris::config::Config;
-use i2ris::ipc::Domain;
-use i2ris::ipc::ready::Ready;
+use i2ris::{config::Config, ipc::Domain, ipc::ready::Ready};
+use i2ris_report::{Failure, programs::served_file};
+use serde::Serialize;
 
 use config::as_delivered;
-use i2ris_report::Failure;
-use i2ris_report::programs::served_file;
-use report::Report;
 
-/// Arguments of `i2ris doctor`.
 #[derive(Debug, clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -58,7 +52,6 @@ enum Other {
     Wire(wire::Arguments),
 }
 
-/// Runs the checks. Fails when a check fails.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match &arguments.other {
         Some(Other::Config(arguments)) => return config::run(arguments),
@@ -72,29 +65,23 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match Config::load_for_process(&file) {
         Ok(config) => {
             report.pass("configuration", file.display().to_string());
-            let text = std::fs::read_to_string(&file)?;
-            for line in as_delivered(&text, &config) {
+            for line in as_delivered(&std::fs::read_to_string(&file)?, &config) {
                 report.warn("configuration", line, "go through the lines marked CHECK");
             }
             system::check(&config, &mut report);
             for port in &config.ports {
-                ports::check_port(&config, port, !arguments.no_drives, &mut report);
+                drives::check_port(&config, port, !arguments.no_drives, &mut report);
             }
         }
-        Err(error) => report.fail(
-            "configuration",
-            error.to_string(),
-            "correct the file, or name another with --config",
-        ),
+        Err(error) => {
+            let fix = "correct the file, or name another with --config";
+            report.fail("configuration", error.to_string(), fix);
+        }
     }
-    usb::check(Path::new("/sys"), &mut report);
-    devices::check(&mut report);
-    if arguments.json {
-        println!("{}", report.to_json()?);
-    } else {
-        print!("{report}");
-    }
-    match report.failures() {
+    devices::check_usb(Path::new("/sys"), &mut report);
+    devices::check_input(&mut report);
+    report.print(arguments.json)?;
+    match report.failed().count() {
         0 => Ok(()),
         failures => Err(format!("{failures} checks failed").into()),
     }
@@ -105,4 +92,119 @@ fn running() -> Option<PathBuf> {
     let name = std::env::var("I2RIS_DOMAIN");
     let domain = Domain::new(name.as_deref().unwrap_or("i2ris")).ok()?;
     served_file(Ready::read(&domain)?.pid)
+}
+
+/// As expected; the robot works, but not as well as it could; the robot will not work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Level {
+    Ok,
+    Warn,
+    Fail,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+struct Check {
+    name: String,
+    level: Level,
+    found: String,
+    fix: String,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct Report {
+    checks: Vec<Check>,
+    found_tables: Vec<String>,
+}
+
+impl Report {
+    pub fn pass(&mut self, name: impl Into<String>, found: impl Into<String>) {
+        self.add(Level::Ok, name.into(), found.into(), String::new());
+    }
+
+    pub fn warn(
+        &mut self,
+        name: impl Into<String>,
+        found: impl Into<String>,
+        fix: impl Into<String>,
+    ) {
+        self.add(Level::Warn, name.into(), found.into(), fix.into());
+    }
+
+    pub fn fail(
+        &mut self,
+        name: impl Into<String>,
+        found: impl Into<String>,
+        fix: impl Into<String>,
+    ) {
+        self.add(Level::Fail, name.into(), found.into(), fix.into());
+    }
+
+    fn add(&mut self, level: Level, name: String, found: String, fix: String) {
+        self.checks.push(Check { name, level, found, fix });
+    }
+
+    pub fn paste(&mut self, table: String) {
+        self.found_tables.push(table);
+    }
+
+    pub fn failed(&self) -> impl Iterator<Item = &str> {
+        self.checks.iter().filter(|check| check.level == Level::Fail).map(|check| &*check.name)
+    }
+
+    /// First finding with its remedy, skipping those that contain `but`.
+    #[cfg(test)]
+    pub fn first(&self, but: &str) -> Option<[String; 2]> {
+        let is_it = |check: &Check| !format!("{} {}", check.found, check.fix).contains(but);
+        let of = |level| self.checks.iter().find(|it| it.level == level && is_it(it));
+        let Check { name, found, fix, .. } = of(Level::Fail).or_else(|| of(Level::Warn))?;
+        Some([format!("{name}: {found}"), fix.clone()])
+    }
+
+    pub fn print(&self, json: bool) -> Result<(), Failure> {
+        match json {
+            true => println!("{}", serde_json::to_string_pretty(self)?),
+            false => print!("{self}"),
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let width = self.checks.iter().map(|check| check.name.chars().count()).max().unwrap_or(0);
+        for Check { name, level, found, fix } in &self.checks {
+            let mark = match level {
+                Level::Ok => "ok  ",
+                Level::Warn => "WARN",
+                Level::Fail => "FAIL",
+            };
+            write!(f, "{mark}  {name:width$}  {found}")?;
+            if !fix.is_empty() {
+                write!(f, "\n      {:width$}  -> {fix}", "")?;
+            }
+            writeln!(f)?;
+        }
+        self.found_tables.iter().try_for_each(|table| {
+            write!(f, "\nfound, to paste into the configuration in place of this port:\n\n{table}")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_check_is_a_line_with_the_fix_below() {
+        let mut report = Report::default();
+        report.pass("memory", "locked");
+        report.fail("port 0", "does not exist", "plug it in");
+        assert_eq!(
+            report.to_string(),
+            "ok    memory  locked\nFAIL  port 0  does not exist\n              -> plug it in\n"
+        );
+        assert_eq!(report.failed().count(), 1);
+        assert!(serde_json::to_string_pretty(&report).unwrap().contains("\"level\": \"fail\""));
+    }
 }

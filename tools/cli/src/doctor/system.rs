@@ -1,24 +1,15 @@
 //! The computer: real-time scheduling, memory, processors, shared memory.
 
-use std::fs;
-use std::os::unix::fs::MetadataExt;
-use std::path::Path;
-use std::thread;
+use std::{fs, os::unix::fs::MetadataExt, path::Path, thread};
 
-use i2ris::clock;
-use i2ris::config::Config;
-use i2ris::ipc::Domain;
-use i2ris::ipc::client::Client;
-use i2ris::ipc::ready::Ready;
 use i2ris::ipc::watchdog_presence::{WatchdogStatus, watchdog_process};
+use i2ris::ipc::{Domain, client::Client, ready::Ready};
 use i2ris::realtime::{self, SchedulingRequest};
-use i2ris::units::Nanos;
-use i2ris::watchdog::PulseLine;
+use i2ris::{clock, config::Config, units::Nanos, watchdog::PulseLine};
 use nix::unistd::{AccessFlags, access};
 
-use super::report::Report;
+use super::Report;
 
-/// Checks the computer.
 pub fn check(config: &Config, report: &mut Report) {
     check_kernel(report);
     check_granted(config, report);
@@ -29,8 +20,7 @@ pub fn check(config: &Config, report: &mut Report) {
     check_records(&config.record_folder, report);
 }
 
-/// Checks that records can be written before the first motion. The controller creates the folder if
-/// permitted.
+/// Checks that records can be written. The controller creates the folder if permitted.
 fn check_records(folder: &Path, report: &mut Report) {
     let user = nix::unistd::geteuid();
     let mut above = folder.ancestors().skip_while(|folder| fs::symlink_metadata(folder).is_err());
@@ -40,14 +30,14 @@ fn check_records(folder: &Path, report: &mut Report) {
         return report.pass("records", format!("{} will be created", folder.display()));
     }
     let found = fs::metadata(folder).map_err(|error| error.to_string()).and_then(|found| {
-        match access(folder, AccessFlags::W_OK | AccessFlags::X_OK) {
-            _ if !found.is_dir() => Err("is not a folder".to_owned()),
-            _ if found.uid() != user.as_raw() && !user.is_root() => {
-                Err("belongs to another user: there would be no black box and no run log"
-                    .to_owned())
-            }
-            outcome => outcome.map_err(|error| error.to_string()),
+        if !found.is_dir() {
+            return Err("is not a folder".to_owned());
         }
+        if found.uid() != user.as_raw() && !user.is_root() {
+            let why = "belongs to another user: there would be no black box and no run log";
+            return Err(why.to_owned());
+        }
+        access(folder, AccessFlags::W_OK | AccessFlags::X_OK).map_err(|error| error.to_string())
     });
     let shown = folder.display();
     let make = format!("`sudo install -d -o $USER {shown}`, or another `record_folder`");
@@ -73,10 +63,10 @@ fn check_pulse(config: &Config, report: &mut Report) {
     });
     let (found, fix) = match tried {
         Ok(true) => return report.pass("pulse", "the modem line can be switched"),
-        Ok(false) => (
-            "the modem line cannot be switched".to_owned(),
-            "use another adapter, or the other `line`",
-        ),
+        Ok(false) => {
+            let fix = "use another adapter, or the other `line`";
+            ("the modem line cannot be switched".to_owned(), fix)
+        }
         Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {
             return report.pass("pulse", "the adapter is used by a watchdog");
         }
@@ -121,32 +111,21 @@ fn check_kernel(report: &mut Report) {
     if real_time || version.contains("PREEMPT_RT") {
         report.pass("kernel", format!("{release}, real-time"));
     } else {
-        report.warn(
-            "kernel",
-            format!("{release}, not real-time"),
-            "install a kernel with PREEMPT_RT for bounded latency",
-        );
+        let fix = "install a kernel with PREEMPT_RT for bounded latency";
+        report.warn("kernel", format!("{release}, not real-time"), fix);
     }
 }
 
 /// Requests the permissions that the controller would request, in a separate thread.
 fn check_granted(config: &Config, report: &mut Report) {
-    let control = &config.control;
-    let wanted = SchedulingRequest {
-        priority: control.priority,
-        cpu: control.cpu,
-        lock_memory: control.priority > 0,
-    };
+    let (priority, cpu) = (config.control.priority, config.control.cpu);
+    let wanted = SchedulingRequest { priority, cpu, lock_memory: priority > 0 };
     let Ok(granted) = thread::spawn(move || realtime::request(wanted)).join() else {
         return report.fail("scheduling", "the test thread ended early", "see above");
     };
     if granted.warnings.is_empty() {
-        let locked = if granted.memory_locked {
-            "memory locked"
-        } else {
-            "memory not locked, not requested"
-        };
-        report.pass("scheduling", format!("SCHED_FIFO {}, {locked}", granted.priority));
+        let locked = if granted.memory_locked { "locked" } else { "not locked, not requested" };
+        report.pass("scheduling", format!("SCHED_FIFO {}, memory {locked}", granted.priority));
     }
     for warning in granted.warnings {
         // The text has the form `finding; fix`.
@@ -159,22 +138,18 @@ fn check_processors(config: &Config, report: &mut Report) {
     let isolated = fs::read_to_string("/sys/devices/system/cpu/isolated").unwrap_or_default();
     let isolated = isolated.trim();
     match config.control.cpu {
-        None => report.warn(
-            "processor",
-            format!(
-                "the loop is not pinned; isolated: {}",
-                if isolated.is_empty() { "none" } else { isolated }
-            ),
-            "isolate a processor (kernel argument isolcpus=N) and set control.cpu = N",
-        ),
+        None => {
+            let isolated = if isolated.is_empty() { "none" } else { isolated };
+            let fix = "isolate a processor (kernel argument isolcpus=N) and set control.cpu = N";
+            report.warn("processor", format!("the loop is not pinned; isolated: {isolated}"), fix);
+        }
         Some(cpu) if contains(isolated, cpu) => {
             report.pass("processor", format!("{cpu}, isolated"))
         }
-        Some(cpu) => report.warn(
-            "processor",
-            format!("{cpu} is not isolated"),
-            format!("add isolcpus={cpu} to the arguments of the kernel"),
-        ),
+        Some(cpu) => {
+            let fix = format!("add isolcpus={cpu} to the arguments of the kernel");
+            report.warn("processor", format!("{cpu} is not isolated"), fix);
+        }
     }
 }
 
@@ -196,8 +171,8 @@ fn check_memory(config: &Config, report: &mut Report) {
     };
     if let Some(ready) = Ready::read(&domain) {
         let serves = format!("a controller serves `{}`, process {}", domain.name(), ready.pid);
-        let client = Client::connect(&domain, Nanos::from_millis(1000))
-            .and_then(|mut client| client.version());
+        let client = Client::connect(&domain, Nanos::from_millis(1000));
+        let client = client.and_then(|mut client| client.version());
         return match client {
             Ok(_) => report.pass("shared memory", serves),
             Err(error) => {
@@ -211,24 +186,16 @@ fn check_memory(config: &Config, report: &mut Report) {
     if leftovers == 0 {
         report.pass("shared memory", format!("no leftovers in `{}`", domain.name()));
     } else {
-        report.warn(
-            "shared memory",
-            format!("{leftovers} files of a controller that was killed in `{}`", domain.name()),
-            "no action needed: the next controller removes them",
-        );
+        let name = domain.name();
+        let found = format!("{leftovers} files of a controller that was killed in `{name}`");
+        report.warn("shared memory", found, "no action needed: the next controller removes them");
     }
 }
 
 fn count_leftovers(folder: &Path, memory: &Path, prefix: &str) -> usize {
     let count = |path: &Path, counts: &dyn Fn(&str) -> bool| {
-        fs::read_dir(path)
-            .map(|entries| {
-                entries
-                    .flatten()
-                    .filter(|entry| counts(&entry.file_name().to_string_lossy()))
-                    .count()
-            })
-            .unwrap_or(0)
+        let entries = fs::read_dir(path).into_iter().flatten().flatten();
+        entries.filter(|entry| counts(&entry.file_name().to_string_lossy())).count()
     };
     // The lock file stays by design.
     count(folder, &|name| !name.contains("lock")) + count(memory, &|name| name.starts_with(prefix))

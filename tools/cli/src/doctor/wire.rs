@@ -5,17 +5,14 @@ use std::path::{Path, PathBuf};
 use i2ris::config::Family;
 use i2ris::drive::capture::file::{CaptureFile, read};
 use i2ris::drive::capture::{CapturedPort, LineEvent, LineEventKind, Outcome};
-use i2ris::drive::command_set::Requested;
-use i2ris::drive::family_selection::family_of_line;
 use i2ris::drive::link::replay::replay;
 use i2ris::drive::objects::{Entry, find};
+use i2ris::drive::{command_set::Requested, family_selection::family_of_line};
 use i2ris_report::Failure;
 use i2ris_report::exit::{Coded, INCOMPLETE};
 
-/// Maximum number of printed differences of a port.
 const MAX_SHOWN: usize = 5;
 
-/// Arguments of `i2ris doctor wire`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris doctor wire records/20260131-120000-fault.pcapng
@@ -74,14 +71,12 @@ fn header(port: &CapturedPort) -> String {
     format!("{device}, {family:?}, {baud} baud: {span:.3} s")
 }
 
-/// Runs the captured bytes through the driver again.
 fn replay_port(port: &CapturedPort) -> usize {
     let found = replay(port);
     let (differences, skipped) = (found.differences.len(), found.skipped);
-    let requests = found.attempts;
+    let (requests, port) = (found.attempts, header(port));
     println!(
-        "replayed   {}: {requests} requests, {skipped} cut off, {differences} differences",
-        header(port)
+        "replayed   {port}: {requests} requests, {skipped} cut off, {differences} differences"
     );
     for (time, captured, replayed) in found.differences.iter().take(MAX_SHOWN) {
         let replayed = replayed.map_or("other bytes".to_owned(), |outcome| outcome.to_string());
@@ -113,11 +108,8 @@ fn bytes(events: &[LineEvent], kind: LineEventKind) -> impl Iterator<Item = u8> 
     of_kind.flat_map(|event| event.bytes.iter().copied())
 }
 
-/// An attempt as printed lines.
 fn lines(port: &CapturedPort, attempt: &[LineEvent]) -> String {
-    let (Some(first), Some(last)) = (attempt.first(), attempt.last()) else {
-        return String::new();
-    };
+    let (Some(first), Some(last)) = (attempt.first(), attempt.last()) else { return String::new() };
     let line = |event: &LineEvent, arrow: char, text: String| {
         let kind = if arrow == '>' { LineEventKind::Sent } else { LineEventKind::Received };
         let hex: String = bytes(attempt, kind).map(|byte| format!(" {byte:02X}")).collect();

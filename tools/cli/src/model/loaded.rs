@@ -13,7 +13,7 @@ use i2ris_report::{DomainOption, Failure, Interrupt, while_working};
 use serde_json::{Value, json};
 
 use crate::command::prepare::{PrepareOptions, carry_out, prepare};
-use crate::exit::with_code;
+use crate::command::with_code;
 
 /// Time limit for a staged model to catch up with the motor positions.
 const CATCH_UP: Nanos = Nanos::from_millis(5000);

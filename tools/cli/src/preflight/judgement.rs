@@ -3,7 +3,7 @@
 use i2ris::ipc::watchdog_presence::WatchdogStatus;
 
 use super::motion::{Motion, Pair, Seen};
-use crate::doctor::report::Report;
+use crate::doctor::Report;
 
 /// Maximum age of a model, days: an older one may as well be of another snake.
 const OLDEST_MODEL_DAYS: f64 = 30.0;

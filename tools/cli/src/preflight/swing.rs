@@ -14,7 +14,7 @@ use super::motion::{LENGTH_S, Observer, Pair, Plan, Series};
 use crate::command::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
 use crate::command::stream::present_pose;
 use crate::command::stream_monitor::{StopReason, StreamMonitor};
-use crate::procedure::person::{Person, Terminal};
+use crate::procedure::{Person, Terminal};
 
 const PERIOD: Nanos = Nanos::from_millis(5);
 /// Time for the last frames to arrive, s.

@@ -27,7 +27,7 @@ use rand_pcg::Pcg64Mcg;
 use super::judgement::{CameraFacts, Measured, Swing, judge};
 use super::motion::{LENGTH_S, Observer, Pair, Plan, Series};
 use super::swing::{NOBODY, PAUSED};
-use crate::doctor::report::Report;
+use crate::doctor::Report;
 
 const CONFIG: &str = include_str!("../../../../config/emulator.toml");
 /// A model of the default family, and its snake.

@@ -16,7 +16,7 @@ use i2ris_teleop::state::Protocol;
 
 use super::profiles;
 use crate::numbers::seconds;
-use crate::procedure::person::say;
+use crate::procedure::say;
 
 const POLL: Nanos = Nanos::from_millis(5);
 const DRAW: Nanos = Nanos::from_millis(100);

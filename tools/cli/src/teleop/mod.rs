@@ -25,12 +25,12 @@ use i2ris_teleop::clutch::Open;
 use i2ris_teleop::master::{Master, MasterCommand, Mode, Motion};
 use i2ris_teleop::view::View;
 
+use crate::command::name_holder;
 use crate::command::prepare::prepare;
-use crate::command::progress::Progress;
+use crate::command::stream::Progress;
 use crate::command::stream::{present_pose, two_angles};
 use crate::command::stream_monitor::StreamMonitor;
 use crate::command::tracking::ClipMonitor;
-use crate::exit::name_holder;
 use options::{CameraOrientation, HandOptions};
 use pulse::Pulses;
 use source::{HandRequest, Source};

@@ -12,7 +12,7 @@ use i2ris::units::{MotorVec, Nanos};
 use indicatif::ProgressBar;
 
 use super::recorder::Recorder;
-use crate::command::progress::{LOST_SETPOINT, restart_stream};
+use crate::command::stream::{LOST_SETPOINT, restart_stream};
 use crate::command::stream_monitor::StreamMonitor;
 use crate::progress_bar::tenths;
 use i2ris_report::{Failure, Interrupt, bail};
@@ -245,7 +245,7 @@ impl Session<'_> {
             if let Some(state) = self.client.operating_state()? {
                 watch.check(&state, clock::now())?;
             }
-            if let Some(load) = watch.take_load() {
+            if let Some(load) = watch.load.take() {
                 self.bar.suspend(|| eprintln!("note: {load}"));
             }
             if watch.has_lost_setpoint() {

@@ -17,7 +17,7 @@ use nix::unistd::Pid;
 
 use super::progress::{REFINED, set_aside};
 use super::{Guided, Step, words};
-use crate::procedure::person::say;
+use crate::procedure::say;
 
 /// No other motion has this seed.
 const SEED: u64 = 3;

@@ -1,34 +1,110 @@
-//! The operator at the bench: output and prompts. Only typed input permits anything.
+//! A procedure: a sequence of stages, each with a result. A run skips the stages already done.
+//!
+//! `i2ris commission` and `i2ris calibrate` are procedures. Where a stage may move the robot, the
+//! operator at the bench permits it: only typed input permits anything.
 
-use std::fmt;
 use std::io::{self, IsTerminal, Read};
-use std::os::fd::AsFd;
+use std::{fmt::Display, os::fd::AsFd};
 
 use i2ris_report::{Failure, Interrupt, Screen, until_closed};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::termios::{FlushArg, tcflush};
 
-/// Why the operator gave no permission.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Gone {
-    EndOfInput,
-    Interrupted,
-    /// Another word was typed.
-    NotPermitted,
+pub enum Halt {
+    Failed(Failure),
+    Gone(Gone),
 }
 
-impl fmt::Display for Gone {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::EndOfInput => "end of input",
-            Self::Interrupted => "interrupted",
-            Self::NotPermitted => "not permitted",
-        })
+impl From<Gone> for Halt {
+    fn from(gone: Gone) -> Self {
+        Self::Gone(gone)
     }
 }
 
+impl From<Failure> for Halt {
+    fn from(failure: Failure) -> Self {
+        Self::Failed(failure)
+    }
+}
+
+impl From<String> for Halt {
+    fn from(text: String) -> Self {
+        Self::Failed(text.into())
+    }
+}
+
+impl Halt {
+    pub fn at(self, place: &str) -> Self {
+        match self {
+            Self::Failed(failure) => format!("{place}: {failure}").into(),
+            gone @ Self::Gone(_) => gone,
+        }
+    }
+}
+
+pub enum Ended {
+    Done(String),
+    /// Done, except for something that another run has to settle.
+    Doubtful(String),
+}
+
+#[derive(Debug, Clone, Copy)]
+pub struct Place<S> {
+    pub stage: S,
+    pub number: usize,
+    pub of: usize,
+    pub next: Option<S>,
+}
+
+pub trait Procedure {
+    type Stage: Copy + Display + 'static;
+
+    fn stages(&self) -> &'static [Self::Stage];
+
+    fn title(&self, at: &Place<Self::Stage>) -> String;
+
+    fn is_done(&self, stage: Self::Stage) -> bool;
+
+    fn say(&mut self, line: &str) -> Result<(), Failure>;
+
+    /// Announces the stage, obtains the permission that it needs, and carries it out.
+    fn perform(&mut self, at: &Place<Self::Stage>) -> Result<Ended, Halt>;
+
+    /// Records the result and reports it. A failure ends the procedure.
+    fn conclude(
+        &mut self,
+        at: &Place<Self::Stage>,
+        ended: Result<Ended, Halt>,
+    ) -> Result<(), Failure>;
+
+    /// Continues after the last completed stage. `Ok`: every stage ran to its end.
+    fn run(&mut self) -> Result<(), Failure> {
+        let stages = self.stages();
+        for (index, &stage) in stages.iter().enumerate() {
+            let (number, of, next) = (index + 1, stages.len(), stages.get(index + 1).copied());
+            let at = Place { stage, number, of, next };
+            if self.is_done(stage) {
+                self.say(&format!("{}: done before", self.title(&at)))?;
+                continue;
+            }
+            let ended = self.perform(&at);
+            self.conclude(&at, ended)?;
+        }
+        Ok(())
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Gone {
+    #[error("end of input")]
+    EndOfInput,
+    #[error("interrupted")]
+    Interrupted,
+    #[error("not permitted")]
+    NotPermitted,
+}
+
 /// A permission typed by the operator, for one stage or motion. Created only by [`permission`].
-#[derive(Debug)]
 pub struct Permission(());
 
 pub trait Person {
@@ -55,7 +131,6 @@ pub fn say(line: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The operator at a terminal.
 pub struct Terminal {
     interrupt: Interrupt,
     screen: Screen,
