@@ -1,15 +1,14 @@
 //! `i2ris calibrate compare`: model files side by side on one recording.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use i2ris::model::Model;
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_calibration::report::{Comparison, DriftReport};
 use i2ris_report::{Failure, while_working};
 
-use super::files::{ColumnArguments, check, check_output, without_latency, write};
+use super::{ColumnArguments, check, check_output, without_latency, write};
 
-/// Arguments of `i2ris calibrate compare`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   i2ris calibrate compare linear.json gmr.json force-balance.json --recording unseen.csv
@@ -42,7 +41,6 @@ pub struct Arguments {
     columns: ColumnArguments,
 }
 
-/// Runs the comparison.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(page) = &arguments.report {
         check_output("--report", page, &arguments.recording, arguments.overwrite)?;
@@ -53,29 +51,31 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.drift {
         (recording, _) = without_latency(recording);
     }
-    let load = |file: &PathBuf| Ok((file.display().to_string(), load(file, &recording)?));
+    let load = |file: &PathBuf| {
+        let (model, name) = (Model::load(file)?, file.display().to_string());
+        check(&model, &recording).map_err(|reason| format!("model {name}: {reason}"))?;
+        Ok((name, model))
+    };
     let models = arguments.models.iter().map(load).collect::<Result<Vec<_>, Failure>>()?;
     if arguments.drift {
         return drift(arguments, &models, &recording);
     }
     let found = while_working("comparing", || Comparison::new(&models, &recording))?;
-    if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&found)?);
-    } else {
-        print!("{found}");
+    match arguments.json {
+        true => println!("{}", serde_json::to_string_pretty(&found)?),
+        false => print!("{found}"),
     }
     Ok(())
 }
 
-/// Prints the drift of every model, and writes the page of the first.
 fn drift(
     arguments: &Arguments,
     models: &[(String, Model)],
     recording: &Recording,
 ) -> Result<(), Failure> {
+    let on = recording.name();
     let drift = |(name, model): &(String, Model)| {
-        DriftReport::new(name, model, recording)
-            .map_err(|error| format!("{name} on {}: {error}", recording.name()))
+        DriftReport::new(name, model, recording).map_err(|error| format!("{name} on {on}: {error}"))
     };
     let found = models.iter().map(drift).collect::<Result<Vec<_>, _>>()?;
     if let (Some(page), Some(first)) = (&arguments.report, found.first()) {
@@ -88,14 +88,6 @@ fn drift(
     for report in &found {
         println!("{report}  {}", report.verdict);
     }
-    if let Some(page) = &arguments.report {
-        println!("\nwrote {}", page.display());
-    }
+    arguments.report.iter().for_each(|page| println!("\nwrote {}", page.display()));
     Ok(())
-}
-
-fn load(file: &Path, recording: &Recording) -> Result<Model, Failure> {
-    let model = Model::load(file)?;
-    check(&model, recording).map_err(|reason| format!("model {}: {reason}", file.display()))?;
-    Ok(model)
 }

@@ -2,35 +2,22 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
-use clap::builder::NonEmptyStringValueParser;
-use clap::value_parser;
-use i2ris::model::Model;
-use i2ris::robot::DriveFingerprint;
-use i2ris::wall_clock::WallTime;
-use i2ris_calibration::em::EmOptions;
+use clap::{builder::NonEmptyStringValueParser, value_parser};
+use i2ris::{model::Model, robot::DriveFingerprint, wall_clock::WallTime};
 use i2ris_calibration::fit::network::{NetworkFile, import};
-use i2ris_calibration::fit::split::HoldOut;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
 use i2ris_calibration::quality::{Quality, SpikeOptions};
 use i2ris_calibration::recording::{MIN_ROWS, Recording};
-use i2ris_calibration::report::CalibrationReport;
+use i2ris_calibration::{em::EmOptions, fit::split::HoldOut, report::CalibrationReport};
+use i2ris_report::{Failure, bail, files::same};
 
-use super::files::{ColumnArguments, check_output, print_latency, without_latency, write};
-use super::refine;
+use super::{ColumnArguments, check_output, print_latency, refine, without_latency, write};
 use crate::model::show;
 use crate::progress_bar::Bar;
-use i2ris_report::files::same;
-use i2ris_report::{Failure, bail};
 
-/// Robot id for recordings without one.
-const ROBOT_ID: &str = "i2ris";
-
-/// Upper bound of a plausible camera latency, ms.
 const MAX_LATENCY_MS: f64 = 1000.0;
 
-/// Arguments of `i2ris calibrate fit`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris calibrate fit recording.csv --output config/models/snake.json --report report.html
@@ -125,34 +112,27 @@ struct ModelArguments {
     force: bool,
     /// Subtract this camera latency from the stamps of the angles first; 0 keeps them, `auto`
     /// uses the estimate from the recording [default: that estimate, if held-out rows confirm it]
-    #[arg(long, value_name = "MS", allow_negative_numbers = true)]
+    #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = latency)]
     latency_ms: Option<LatencyChoice>,
 }
 
-/// Latency to subtract from the stamps of the angles.
 #[derive(Debug, Clone, Copy)]
 enum LatencyChoice {
     Auto,
     Ms(f64),
 }
 
-impl FromStr for LatencyChoice {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        if text == "auto" {
-            return Ok(Self::Auto);
-        }
-        let ms = text.parse().ok().filter(|ms: &f64| ms.abs() <= MAX_LATENCY_MS);
-        ms.map(Self::Ms).ok_or_else(|| {
-            format!("must be `auto` or a number of at most {MAX_LATENCY_MS} either way")
-        })
+fn latency(text: &str) -> Result<LatencyChoice, String> {
+    if text == "auto" {
+        return Ok(LatencyChoice::Auto);
     }
+    let ms = text.parse().ok().filter(|ms: &f64| ms.abs() <= MAX_LATENCY_MS);
+    ms.map(LatencyChoice::Ms)
+        .ok_or_else(|| format!("must be `auto` or a number of at most {MAX_LATENCY_MS} either way"))
 }
 
 impl LatencyChoice {
-    /// The recording without the latency, and the latency that was subtracted.
-    fn subtract_from(self, recording: &Recording) -> Result<(Recording, f64), Failure> {
+    fn subtract_from(self, recording: &Recording) -> Result<(Recording, Option<f64>), Failure> {
         if recording.rows().iter().any(|row| row.time_s.is_none()) {
             bail!("--latency-ms: the recording has no time stamps; name their column with --time");
         }
@@ -160,22 +140,18 @@ impl LatencyChoice {
             Self::Ms(ms) => ms / 1e3,
             Self::Auto => match Quality::new(recording, &SpikeOptions::default())?.latency {
                 Some(latency) => latency.seconds,
-                None => {
-                    bail!(
-                        "--latency-ms auto: it cannot be estimated from the motion of \
-                                    this recording; give it in ms"
-                    );
-                }
+                None => bail!(
+                    "--latency-ms auto: it cannot be estimated from the motion of this recording; \
+                     give it in ms"
+                ),
             },
         };
         let shifted = recording.shifted(seconds);
-        if shifted.rows().len() < MIN_ROWS {
-            bail!(
-                "--latency-ms: only {} row(s) remain; give a smaller value",
-                shifted.rows().len()
-            );
+        let rows = shifted.rows().len();
+        if rows < MIN_ROWS {
+            bail!("--latency-ms: only {rows} row(s) remain; give a smaller value");
         }
-        Ok((shifted, seconds))
+        Ok((shifted, Some(seconds)))
     }
 }
 
@@ -188,21 +164,12 @@ fn components(text: &str) -> Result<Components, String> {
 
 impl Arguments {
     fn options(&self, robot_id: String, recorded_at: Option<String>) -> FitOptions {
-        let model = &self.model;
-        FitOptions {
-            robot_id,
-            recorded_at,
-            choice: model.family,
-            components: model.components,
-            em: EmOptions {
-                restarts: model.restarts.into(),
-                seed: model.seed,
-                ..EmOptions::default()
-            },
-            hold_out: model.hold_out,
-            force: model.force,
-            ..FitOptions::default()
-        }
+        let ModelArguments { family: choice, components, restarts, seed, .. } = self.model;
+        let em = EmOptions { restarts: restarts.into(), seed, ..EmOptions::default() };
+        let ModelArguments { hold_out, force, .. } = self.model;
+        let options =
+            FitOptions { choice, components, em, hold_out, force, ..FitOptions::default() };
+        FitOptions { robot_id, recorded_at, ..options }
     }
 }
 
@@ -223,7 +190,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let robot_id = match (&arguments.robot_id, &metadata) {
         (Some(id), _) => id.clone(),
         (None, Ok(metadata)) => {
-            metadata.as_ref().map_or_else(|| ROBOT_ID.to_owned(), |it| it.robot_id.clone())
+            metadata.as_ref().map_or_else(|| "i2ris".to_owned(), |it| it.robot_id.clone())
         }
         (None, Err(error)) => return Err(error.clone().into()),
     };
@@ -241,10 +208,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let taken_off;
     (recording, taken_off) = match arguments.model.latency_ms {
-        Some(choice) => {
-            let (shifted, seconds) = choice.subtract_from(&recording)?;
-            (shifted, Some(seconds))
-        }
+        Some(choice) => choice.subtract_from(&recording)?,
         None => {
             recording.aligned().map_err(|error| format!("recording {}: {error}", file.display()))?
         }
@@ -264,13 +228,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     print!("{report}");
     print_latency(taken_off);
     println!("\nwrote {}", output.display());
-    if let Some(page) = &arguments.report {
-        println!("wrote {}", page.display());
-    }
+    arguments.report.iter().for_each(|page| println!("wrote {}", page.display()));
     Ok(())
 }
 
-/// Builds a model from a network that was trained elsewhere.
 fn of_network(
     network: &Path,
     recording: Recording,
@@ -299,14 +260,9 @@ struct RecordingMetadata {
 
 fn metadata_of(recording: &Path) -> Result<Option<RecordingMetadata>, String> {
     let path = recording.with_extension("toml");
-    let Ok(text) = fs::read_to_string(&path) else {
-        return Ok(None);
-    };
+    let Ok(text) = fs::read_to_string(&path) else { return Ok(None) };
     toml::from_str(&text).map(Some).map_err(|error| {
-        format!(
-            "{}, next to the recording, names no robot ({}); add --robot-id",
-            path.display(),
-            error.message()
-        )
+        let (path, why) = (path.display(), error.message());
+        format!("{path}, next to the recording, names no robot ({why}); add --robot-id")
     })
 }

@@ -1,29 +1,22 @@
 //! `i2ris calibrate` without a command: from a straight snake to a checked model, step by step.
 //! Every step is a separate command. It is printed before it runs, and skipped if it was done.
 
-mod check;
-mod in_use;
+mod motions;
 mod progress;
-mod steps;
 
-use std::fs;
-use std::path::PathBuf;
 use std::process::{Command, ExitStatus};
+use std::{fs, path::PathBuf};
 
-use i2ris::ipc::client::Client;
-use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState};
+use i2ris::{ipc::client::Client, ipc::payload::OperatingStateMsg};
 use i2ris_calibration::fit::Choice;
 use i2ris_report::exit::{Coded, NOT_CONFIRMED};
-use i2ris_report::stop::stop;
-use i2ris_report::{DomainOption, Failure, Interrupt, bail};
+use i2ris_report::{DomainOption, Failure, Interrupt, bail, stop::stop};
+use i2ris_simulation::motion::protocol::above_zero;
 
 use crate::command::prepare::CONNECT;
-use crate::procedure::{Ended, Halt, Place, Procedure};
-use crate::procedure::{Gone, Person, Terminal, say};
-use i2ris_simulation::motion::protocol::above_zero;
-use progress::{Progress, is_complete};
-use steps::Step;
+use crate::procedure::{Ended, Gone, Halt, Person, Place, Procedure, Terminal, say};
+use progress::{Progress, Step, is_complete};
 
 /// Length of the recording that no model has seen, s.
 const UNSEEN_S: f64 = 30.0;
@@ -163,8 +156,7 @@ impl Guided<'_> {
         ))
     }
 
-    /// Homing makes the present pose the zero, so the operator must confirm that the snake is
-    /// straight.
+    /// Homing makes the present pose the zero, so the operator confirms that the snake is straight.
     fn ask_for_zero(&mut self) -> Result<(), Halt> {
         let state = self.client.wait_for(CONNECT, |_| true).map_err(Failure::from)?;
         if state.flags & OperatingStateMsg::HOMED != 0 || self.arguments.home {
@@ -192,25 +184,22 @@ impl Guided<'_> {
     }
 
     fn time_left(&self) -> String {
-        let steps = self.stages().iter().copied();
-        let left = steps.filter(|step| !self.progress.is_done(*step));
+        let left = self.stages().iter().copied().filter(|step| !self.progress.is_done(*step));
         minutes(left.fold(0.0, |sum, step| sum + self.usual_s(step)))
     }
 
-    /// Usual duration of a step, s.
     fn usual_s(&self, step: Step) -> f64 {
         match step {
             Step::Collect => self.arguments.duration_s + 40.0,
             Step::Fit if self.arguments.family == Choice::Best => 240.0,
             Step::Fit | Step::Use => 30.0,
             Step::Compare => UNSEEN_S + 40.0,
-            Step::Check if self.progress.was_checked_before() => 10.0,
+            Step::Check if self.progress.checked_before => 10.0,
             Step::Check => 25.0,
             Step::Refine => f64::from(self.arguments.motion_s) + 60.0,
         }
     }
 
-    /// The remaining commands to home and enable.
     fn prepare(&mut self) -> Result<Vec<Vec<String>>, Failure> {
         let state = self.client.wait_for(CONNECT, |_| true)?;
         let is_in = |wanted: OperatingState| state.state == wanted.number();
@@ -276,7 +265,6 @@ impl Guided<'_> {
         Err(Coded { code: code.filter(|code| *code != 0).unwrap_or(1), sentence }.into())
     }
 
-    /// A command of this program; prints it.
     fn command(&self, words: &[String]) -> Result<Command, Failure> {
         say(&format!("  $ i2ris {}", words.join(" ")))?;
         let mut command = Command::new(std::env::current_exe()?);

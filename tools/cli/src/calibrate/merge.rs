@@ -6,11 +6,10 @@ use std::path::PathBuf;
 use i2ris::units::MAX_OUTPUTS;
 use i2ris_calibration::recording::{ColumnMap, RecordingWriter, Row, Rows, Wanted, pitch_and_yaw};
 use i2ris_report::files::{check_overwrite, write};
-use i2ris_report::statistics::TimeSeries;
-use i2ris_report::{Failure, bail};
+use i2ris_report::{Failure, bail, statistics::TimeSeries};
 
+use super::PathColumns;
 use super::collect::GAP_NS;
-use super::files::PathColumns;
 use crate::csv_table;
 use crate::numbers::finite;
 
@@ -62,11 +61,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     merged.rows.iter().try_for_each(|row| writer.row(row))?;
     write(&arguments.output, writer.finish()?)?;
     let Merged { rows, pictures, outside, twice } = merged;
+    let (count, output) = (rows.len(), arguments.output.display());
     println!(
         "{pictures} images with counts; skipped: {outside} without counts, {twice} with a \
-         duplicate stamp; wrote {} rows to {}",
-        rows.len(),
-        arguments.output.display()
+         duplicate stamp; wrote {count} rows to {output}"
     );
     Ok(())
 }
@@ -75,10 +73,8 @@ fn time_s(row: &Row) -> f64 {
     row.time_s.unwrap_or_default()
 }
 
-/// Positions and images in order of time.
 struct Merged {
     rows: Vec<Row>,
-    /// Rows with angles.
     pictures: usize,
     /// Images before or after the recording, or in an encoder gap.
     outside: usize,
@@ -127,10 +123,8 @@ mod tests {
         let samples: Vec<&Row> = rows.iter().filter(|row| row.outputs[0].is_finite()).collect();
         for (row, (time_s, deg)) in samples.iter().zip([(0.015, 1.0), (0.11, 2.0), (0.915, 4.0)]) {
             assert!((row.time_s.unwrap() - time_s).abs() < 1e-6, "{row:?}");
-            assert!(
-                (row.counts[0] - 100.0 * time_s).abs() < 1e-6
-                    && (row.counts[1] + 300.0 * time_s).abs() < 1e-6
-            );
+            let off = [row.counts[0] - 100.0 * time_s, row.counts[1] + 300.0 * time_s];
+            assert!(off.iter().all(|off| off.abs() < 1e-6));
             assert_eq!(row.outputs[..2], [deg, -deg]);
         }
         assert!(rows.windows(2).all(|pair| pair[0].time_s < pair[1].time_s));

@@ -5,23 +5,18 @@ use std::path::Path;
 use std::process::{self, Command};
 
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition};
-use i2ris::model::Model;
-use i2ris::model::file::OutputSpec;
-use i2ris::units::Nanos;
-use i2ris_calibration::drift::refine;
+use i2ris::{model::Model, model::file::OutputSpec, units::Nanos};
 use i2ris_calibration::fit::{Choice, FitOptions};
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
-use i2ris_calibration::report::CalibrationReport;
-use i2ris_report::programs::find;
-use i2ris_report::{Failure, bail};
+use i2ris_calibration::{drift::refine, report::CalibrationReport};
+use i2ris_report::{Failure, bail, programs::find};
 use serde::Deserialize;
 
 use super::collect::Recorder;
-use super::files::{check, print_latency, without_latency, write};
+use super::{check, print_latency, without_latency, write};
 use crate::progress_bar::Bar;
 
-/// Fits a model to its recording and a trial, and writes it when all else has succeeded. Files: the
-/// recording, the model and the trial.
+/// Fits a model to its recording and a trial. Files: the recording, the model and the trial.
 pub fn run(
     [recording_file, model_file, trial_file]: [&Path; 3],
     output: &Path,
@@ -48,19 +43,16 @@ pub fn run(
     let (trial, latency) = without_latency(trial);
     let in_use = trial.rows().len();
     let both = calibration.followed_by(&trial)?;
-    let options = FitOptions {
-        robot_id: old.file().robot_id.clone(),
-        recorded_at: named.recorded_at.clone(),
-        drives: named.drives.clone(),
-        choice: family(&old)?,
-        ..FitOptions::default()
-    };
+    let (robot_id, recorded_at) = (old.file().robot_id.clone(), named.recorded_at.clone());
+    let family = serde_json::to_value(&old.file().family)?;
+    let choice = family["kind"].as_str().unwrap_or_default().parse::<Choice>()?;
+    let drives = named.drives.clone();
+    let options = FitOptions { robot_id, recorded_at, drives, choice, ..FitOptions::default() };
     let refined = refine(&old, &both, in_use, &options, &Bar::new())
         .map_err(|error| format!("trial {}: {error}", trial_file.display()))?;
     if let Some(page) = report {
         let read = ReadReport { rows: both.rows().len(), ..read };
-        let report = CalibrationReport::new(&both, &read, &options, &refined.outcome);
-        write(page, &report.html())?;
+        write(page, &CalibrationReport::new(&both, &read, &options, &refined.outcome).html())?;
     }
     refined.outcome.model.file().write(output)?;
     let [before, after] = refined.held_out;
@@ -68,20 +60,11 @@ pub fn run(
     println!("held out   {before:.3} before, {after:.3} after, on their last quarter");
     print_latency(latency);
     println!("\nwrote {}", output.display());
-    if let Some(page) = report {
-        println!("wrote {}", page.display());
-    }
+    report.iter().for_each(|page| println!("wrote {}", page.display()));
     Ok(())
 }
 
-/// The family of a model, to fit it again.
-fn family(model: &Model) -> Result<Choice, Failure> {
-    let parameters = serde_json::to_value(&model.file().family)?;
-    Ok(parameters["kind"].as_str().unwrap_or_default().parse::<Choice>()?)
-}
-
-/// The trial as a recording. Tables exported from an `i2ris record` file are created next to the
-/// output and removed.
+/// The trial as a recording. Tables of an MCAP file are created next to the output and removed.
 fn trial(file: &Path, output: &Path, outputs: &[OutputSpec]) -> Result<Recording, Failure> {
     if file.extension().is_none_or(|extension| extension != "mcap") {
         let (trial, read) = Recording::read(file, &ColumnMap::default())?;
@@ -136,8 +119,7 @@ fn joined(file: &Path, tables: &Path, outputs: &[OutputSpec]) -> Result<Recordin
     let start = Nanos(first.measured_stamp_ns_0.min(first.measured_stamp_ns_1));
     let path = tables.join(file.file_name().unwrap_or_default()).with_extension("csv");
     let motors = usize::try_from(first.count).unwrap_or(2).min(2);
-    let table = File::create_new(&path)?;
-    let mut recorder = Recorder::new(table, start, motors, outputs)?;
+    let mut recorder = Recorder::new(File::create_new(&path)?, start, motors, outputs)?;
     for row in &positions {
         recorder.positions(&ActuatorState {
             measured_stamp_ns: [row.measured_stamp_ns_0, row.measured_stamp_ns_1],

@@ -3,13 +3,10 @@
 
 use std::collections::VecDeque;
 
-use i2ris::ipc::payload::ExternalPosition;
-use i2ris::model::file::OutputUnit;
 use i2ris::units::{MAX_OUTPUTS, Nanos};
+use i2ris::{ipc::payload::ExternalPosition, model::file::OutputUnit};
 
-/// Frames further apart than this are not compared, ns.
 const NEIGHBOURS_NS: u64 = 300_000_000;
-
 /// The largest possible values, in degrees and mm: recordings with larger ones are refused.
 const MAX_ANGLE_DEG: f64 = 180.0;
 const MAX_POSITION_MM: f64 = 1000.0;
@@ -17,11 +14,9 @@ const MAX_POSITION_MM: f64 = 1000.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFrame {
     pub stamp: Nanos,
-    /// In the unit of the recording.
     pub outputs: [f64; MAX_OUTPUTS],
 }
 
-#[derive(Debug)]
 pub struct FrameQueue {
     unit: OutputUnit,
     outputs: usize,
@@ -56,7 +51,6 @@ impl FrameQueue {
         self.queue.front().filter(|_| ready).map(|frame| frame.stamp)
     }
 
-    /// The next frame; `true`: an outlier.
     pub fn pop(&mut self) -> Option<(CameraFrame, bool)> {
         let frame = self.queue.pop_front()?;
         let is_outlier = self.impossible(&frame) || self.stands_out(&frame);
@@ -67,21 +61,16 @@ impl FrameQueue {
     }
 
     fn impossible(&self, frame: &CameraFrame) -> bool {
-        let most = match self.unit {
-            OutputUnit::Deg => MAX_ANGLE_DEG,
-            OutputUnit::Mm => MAX_POSITION_MM,
-        };
+        let is_angle = self.unit == OutputUnit::Deg;
+        let most = if is_angle { MAX_ANGLE_DEG } else { MAX_POSITION_MM };
         frame.outputs.iter().any(|output| output.is_nan() || output.abs() > most)
     }
 
     /// Far from both neighbours, which are near each other.
     fn stands_out(&self, frame: &CameraFrame) -> bool {
         let near = |other: &&CameraFrame| other.stamp.0.abs_diff(frame.stamp.0) <= NEIGHBOURS_NS;
-        let (Some(before), Some(after)) =
-            (self.before.as_ref().filter(near), self.queue.front().filter(near))
-        else {
-            return false;
-        };
+        let neighbours = self.before.as_ref().filter(near).zip(self.queue.front().filter(near));
+        let Some((before, after)) = neighbours else { return false };
         let apart = |a: &CameraFrame, b: &CameraFrame, output: usize| {
             (a.outputs[output] - b.outputs[output]).abs()
         };
@@ -97,14 +86,8 @@ mod tests {
     use super::*;
 
     fn seen(milliseconds: u64, pitch_deg: f64) -> ExternalPosition {
-        let position = [pitch_deg.to_radians(), 0.1, 0.0];
-        ExternalPosition {
-            stamp_ns: milliseconds * 1_000_000,
-            position,
-            count: 2,
-            flags: 1,
-            ..Default::default()
-        }
+        let (stamp_ns, position) = (milliseconds * 1_000_000, [pitch_deg.to_radians(), 0.1, 0.0]);
+        ExternalPosition { stamp_ns, position, count: 2, flags: 1, ..Default::default() }
     }
 
     fn judge(angles: &[(u64, f64)]) -> Vec<bool> {

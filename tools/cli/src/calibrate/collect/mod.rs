@@ -4,37 +4,30 @@
 //! |---|---|
 //! | `session` | driving the robot while recording motors and camera |
 //! | `recorder`, `frame_queue` | from messages to rows |
-//! | `sidecar` | the file next to the recording: settings, outcome, flags |
-//! | `printed_report` | the printed outcome |
+//! | `sidecar` | the file next to the recording, and the printed outcome |
 
 mod frame_queue;
-mod printed_report;
 mod recorder;
 mod session;
 mod sidecar;
 
-pub use recorder::{GAP_NS, Recorder};
-
-use std::fs::File;
-use std::io::LineWriter;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::{fs::File, io::LineWriter};
 
 use clap::value_parser;
-use i2ris::clock;
 use i2ris::ipc::payload::{Version, unpadded_text};
-use i2ris::model::ModelId;
 use i2ris::model::file::{OutputSpec, OutputUnit};
-use i2ris::robot::DriveFingerprint;
 use i2ris::units::{MAX_MOTORS, MotorVec};
-use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris::{clock, model::ModelId, robot::DriveFingerprint, wall_clock};
+use i2ris_calibration::recording::{ColumnMap, Recording, Row};
 use i2ris_report::{DomainOption, Failure, Interrupt, bail};
+use i2ris_simulation::motion::protocol::{MotionRequest, Protocol, Region, above_zero};
 use indicatif::ProgressBar;
 
 use crate::command::prepare::{PrepareOptions, prepare};
 use crate::progress_bar::bar_of_time;
-use i2ris_simulation::motion::protocol::{MotionRequest, Protocol, Region, above_zero};
 use recorder::RecordedRows;
+pub use recorder::{GAP_NS, Recorder};
 use session::{Ending, Session, Subscriptions};
 use sidecar::{Limits, Outcome, ProtocolRecord, Sidecar};
 
@@ -127,11 +120,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         recorder: &mut recorder,
         bar: &bar,
     };
-    let ending = if arguments.watch {
-        session.watch()
-    } else {
-        session
-            .perform(!arguments.no_condition, request.speed_counts_s, |from| request.motion(from))
+    let (conditions, speed) = (!arguments.no_condition, request.speed_counts_s);
+    let ending = match arguments.watch {
+        true => session.watch(),
+        false => session.perform(conditions, speed, |from| request.motion(from)),
     };
     bar.finish_and_clear();
     let recorded = recorder.finish().map_err(|error| cannot_write(&arguments.output, &error))?;
@@ -140,19 +132,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     // The same estimate as in `calibrate fit`.
     let read = Recording::read(&arguments.output, &ColumnMap::default()).ok();
     let latency = read.and_then(|(recording, _)| recording.latency());
-    sidecar.latency = latency.map(|latency| printed_report::record(&latency));
+    sidecar.latency = latency.map(|latency| sidecar::record(&latency));
     sidecar.flags = recorded.flags;
     sidecar.write(&arguments.output)?;
-    printed_report::print(&sidecar, &arguments.output, arguments.json)?;
-    match ending? {
-        Ending::Complete => Ok(()),
-        Ending::Interrupted => {
-            Err("interrupted; the robot holds, and the recording is kept".into())
-        }
+    sidecar::print(&sidecar, &arguments.output, arguments.json)?;
+    if ending? == Ending::Interrupted {
+        bail!("interrupted; the robot holds, and the recording is kept");
     }
+    Ok(())
 }
 
-/// The requested motion, within the limits of the controller.
 fn request(arguments: &Arguments, version: &Version) -> Result<MotionRequest, Failure> {
     let motors = usize::from(version.shape[0]).min(MAX_MOTORS);
     let mut centre = MotorVec::default();
@@ -160,10 +149,8 @@ fn request(arguments: &Arguments, version: &Version) -> Result<MotionRequest, Fa
         let given = arguments.centre_counts.len();
         bail!("--centre-counts: {given} value(s) for the {motors} motor(s) of the robot");
     }
-    centre
-        .iter_mut()
-        .zip(&arguments.centre_counts)
-        .for_each(|(centre, given)| *centre = f64::from(*given));
+    let given = arguments.centre_counts.iter().map(|counts| f64::from(*counts));
+    centre.iter_mut().zip(given).for_each(|(centre, given)| *centre = given);
     let mut room = f64::INFINITY;
     for (motor, centre) in centre.iter().enumerate().take(motors) {
         room = room
@@ -181,9 +168,8 @@ fn request(arguments: &Arguments, version: &Version) -> Result<MotionRequest, Fa
              configuration and restart the controller"
         );
     }
-    let most = version.velocity_counts_s;
-    if arguments.speed_counts_s > most {
-        let given = arguments.speed_counts_s;
+    let (given, most) = (arguments.speed_counts_s, version.velocity_counts_s);
+    if given > most {
         bail!("--speed-counts-s {given}: the controller allows {most} (limits.velocity_counts_s)");
     }
     Ok(MotionRequest {
@@ -202,9 +188,8 @@ fn check_output(output: &Path) -> Result<(), Failure> {
     if output.extension().is_none_or(|extension| extension != "csv") {
         bail!("--output {shown}: must end in .csv; a .toml of the same name is written next to it");
     }
-    if let Some(recorded) =
-        [output.to_owned(), Sidecar::path(output)].iter().find(|path| path.exists())
-    {
+    let files = [output.to_owned(), Sidecar::path(output)];
+    if let Some(recorded) = files.iter().find(|path| path.exists()) {
         bail!(
             "--output {shown}: {} already exists and is not overwritten; name another file",
             recorded.display()
@@ -218,10 +203,9 @@ fn check_output(output: &Path) -> Result<(), Failure> {
 
 /// Outputs of the camera, with the names from the controller's model if it matches.
 fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
-    let (unit, known): (_, &[&str]) = if count == 3 {
-        (OutputUnit::Mm, &["x", "y", "z"])
-    } else {
-        (OutputUnit::Deg, &["pitch", "yaw"])
+    let (unit, known): (_, &[&str]) = match count {
+        3 => (OutputUnit::Mm, &["x", "y", "z"]),
+        _ => (OutputUnit::Deg, &["pitch", "yaw"]),
     };
     let named = usize::from(version.shape[1]) == count;
     let name = |output: usize| {
@@ -251,9 +235,7 @@ fn begin(
         software: format!("i2ris {}", env!("CARGO_PKG_VERSION")),
         controller: format!("i2ris-control {major}.{minor}.{patch}"),
         model_id: (version.model_id != [0; 32]).then(|| ModelId(version.model_id).to_string()),
-        started_unix_s: SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .map_or(0, |since| since.as_secs()),
+        started_unix_s: wall_clock::unix_time().0 / 1_000_000_000,
         protocol: ProtocolRecord {
             name: if arguments.watch { "watch" } else { request.protocol.name() },
             seed: request.seed,
@@ -281,14 +263,10 @@ fn outcome(
     ending: &Result<Ending, Failure>,
     missed_messages: u64,
 ) -> Outcome {
-    let time = |row: Option<&i2ris_calibration::recording::Row>| {
-        row.and_then(|row| row.time_s).unwrap_or_default()
-    };
+    let time = |row: Option<&Row>| row.and_then(|row| row.time_s).unwrap_or_default();
     let length_s = time(recorded.rows.last()) - time(recorded.rows.first());
     let (rows, samples) = (recorded.rows.len(), recorded.samples().count());
-    let rate = |count: usize| {
-        if length_s > 0.0 { count as f64 / length_s } else { 0.0 }
-    };
+    let rate = |count: usize| if length_s > 0.0 { count as f64 / length_s } else { 0.0 };
     Outcome {
         complete: matches!(ending, Ok(Ending::Complete)),
         reason: match ending {

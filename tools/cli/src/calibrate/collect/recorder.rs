@@ -9,27 +9,25 @@ use std::io::{self, Write};
 
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition};
 use i2ris::model::file::{OutputSpec, OutputUnit};
-use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos};
+use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos, OutputVec};
 use i2ris_calibration::recording::{RecordingWriter, Row};
+use i2ris_report::statistics::TimeSeries;
 
 use super::frame_queue::{CameraFrame, FrameQueue};
 use super::sidecar::{Flag, FlagKind};
-use i2ris_report::statistics::TimeSeries;
 
 /// Positions come every 4 to 10 ms; motors may have turned back in a gap of this length, ns.
 pub const GAP_NS: u64 = 60_000_000;
-
 /// No camera is slower than 5 frames a second; a gap of this length is one.
 const CAMERA_GAP_NS: u64 = 500_000_000;
 
 pub struct Recorder<W: Write> {
     writer: RecordingWriter<W>,
     start: Nanos,
-    motors: usize,
+    pub motors: usize,
     outputs: usize,
     encoders: [TimeSeries<1>; MAX_MOTORS],
     frames: FrameQueue,
-    /// Index of the next position of motor 0 to write.
     next: usize,
     written: Option<Nanos>,
     last_seen: Option<Nanos>,
@@ -45,7 +43,6 @@ pub struct RecordedRows {
 }
 
 impl RecordedRows {
-    /// Rows with outputs.
     pub fn samples(&self) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(|row| row.outputs.iter().all(|output| output.is_finite()))
     }
@@ -95,10 +92,9 @@ impl<W: Write> Recorder<W> {
         if seen.flags & ExternalPosition::VALID == 0 {
             return self.nothing_seen(stamp);
         }
-        if let Some(before) =
-            self.last_seen.filter(|before| stamp.duration_since(*before).0 > CAMERA_GAP_NS)
-        {
-            self.flag(before, FlagKind::CameraGap, stamp.duration_since(before).0, &[]);
+        let since = |before: &Nanos| stamp.duration_since(*before).0;
+        if let Some(before) = self.last_seen.filter(|before| since(before) > CAMERA_GAP_NS) {
+            self.flag(before, FlagKind::CameraGap, since(&before), &[]);
         }
         self.last_seen = Some(stamp);
         if !self.frames.push(seen) {
@@ -114,19 +110,13 @@ impl<W: Write> Recorder<W> {
             if due > until || !self.covered(due) {
                 break;
             }
-            if frame.is_some() {
-                if let Some(frame) = self.frames.pop() {
-                    self.write_frame(frame)?;
-                }
-            } else {
+            if frame.is_none() {
                 self.write_position(stamp)?;
+            } else if let Some(frame) = self.frames.pop() {
+                self.write_frame(frame)?;
             }
         }
         Ok(())
-    }
-
-    pub fn motors(&self) -> usize {
-        self.motors
     }
 
     pub fn finish(mut self) -> io::Result<RecordedRows> {
@@ -135,12 +125,9 @@ impl<W: Write> Recorder<W> {
         Ok(RecordedRows { rows: self.rows, flags: self.flags })
     }
 
-    /// Whether every motor has a position at or after `stamp`.
     fn covered(&self, stamp: Nanos) -> bool {
-        self.encoders
-            .iter()
-            .take(self.motors)
-            .all(|series| series.last().is_some_and(|(last, _)| *last >= stamp.0))
+        let mut series = self.encoders.iter().take(self.motors);
+        series.all(|series| series.last().is_some_and(|(last, _)| *last >= stamp.0))
     }
 
     fn write_position(&mut self, stamp: Nanos) -> io::Result<()> {
@@ -176,20 +163,10 @@ impl<W: Write> Recorder<W> {
         Some(counts)
     }
 
-    fn row(
-        &mut self,
-        stamp: Nanos,
-        counts: MotorVec,
-        outputs: [f64; MAX_OUTPUTS],
-    ) -> io::Result<()> {
+    fn row(&mut self, stamp: Nanos, counts: MotorVec, outputs: OutputVec) -> io::Result<()> {
         let time_s = Some(stamp.duration_since(self.start).as_seconds());
-        let row = Row {
-            line: self.rows.len() as u64 + 2,
-            time_s,
-            counts,
-            outputs,
-            path_index: self.rows.len(),
-        };
+        let (line, path_index) = (self.rows.len() as u64 + 2, self.rows.len());
+        let row = Row { line, time_s, counts, outputs, path_index };
         self.written = Some(stamp);
         self.rows.push(row);
         self.writer.row(&row)
@@ -229,26 +206,16 @@ mod tests {
         ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg })
     }
 
-    /// Motor 0 is read at the given time, motor 1 one millisecond later; they go 1 and -2 counts
-    /// per ms.
+    /// Motor 1 is read one millisecond after motor 0; they go 1 and -2 counts per ms.
     fn positions(time: u64) -> ActuatorState {
-        ActuatorState {
-            measured_stamp_ns: [ms(time), ms(time + 1)],
-            measured_counts: [time as i32, -2 * (time as i32 + 1)],
-            count: 2,
-            ..ActuatorState::default()
-        }
+        let measured_stamp_ns = [ms(time), ms(time + 1)];
+        let measured_counts = [time as i32, -2 * (time as i32 + 1)];
+        ActuatorState { measured_stamp_ns, measured_counts, count: 2, ..Default::default() }
     }
 
     fn frame(time: u64, pitch_deg: f64) -> ExternalPosition {
         let position = [pitch_deg.to_radians(), (1.0 - pitch_deg / 2.0).to_radians(), 0.0];
-        ExternalPosition {
-            stamp_ns: ms(time),
-            position,
-            count: 2,
-            flags: 1,
-            ..ExternalPosition::default()
-        }
+        ExternalPosition { stamp_ns: ms(time), position, count: 2, flags: 1, ..Default::default() }
     }
 
     fn sample_times_ms(recorded: &RecordedRows) -> Vec<u64> {
@@ -270,17 +237,13 @@ mod tests {
         assert!(recorded.rows.windows(2).all(|pair| pair[0].time_s < pair[1].time_s));
         for row in &recorded.rows {
             let time = row.time_s.unwrap() * 1e3;
-            assert!(
-                (row.counts[0] - time).abs() < 1e-6 && (row.counts[1] + 2.0 * time).abs() < 1e-6,
-                "{row:?}"
-            );
+            let off = [row.counts[0] - time, row.counts[1] + 2.0 * time];
+            assert!(off.iter().all(|off| off.abs() < 1e-6), "{row:?}");
         }
         assert_eq!(recorded.flags, []);
         let text = String::from_utf8(file).unwrap();
-        assert!(
-            text.starts_with("t_s,q0_counts,q1_counts,pitch_deg,yaw_deg\n0.004,4,-8,,\n"),
-            "{text}"
-        );
+        let head = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg\n0.004,4,-8,,\n";
+        assert!(text.starts_with(head), "{text}");
         assert_eq!(text.lines().count(), recorded.rows.len() + 1);
     }
 
@@ -295,10 +258,7 @@ mod tests {
         recorder.frame(&frame(143, 1.0));
         let recorded = recorder.finish().unwrap();
         assert_eq!(sample_times_ms(&recorded), [110, 143]);
-        assert_eq!(
-            recorded.flags.iter().map(|flag| flag.kind).collect::<Vec<_>>(),
-            [FlagKind::Late]
-        );
+        assert!(matches!(recorded.flags[..], [Flag { kind: FlagKind::Late, .. }]));
     }
 
     #[test]
@@ -321,11 +281,7 @@ mod tests {
         assert_eq!(flags[..2], [(FlagKind::EncoderGap, 200, 0), (FlagKind::EncoderGap, 201, 0)]);
         assert_eq!(flags[2..4], [(FlagKind::NoCounts, 300, 2), (FlagKind::NothingSeen, 460, 0)]);
         assert_eq!((flags[4], flags.len()), ((FlagKind::Outlier, 63, 2), 5));
-        assert!(
-            (recorded.flags.iter().find(|flag| flag.kind == FlagKind::NothingSeen).unwrap().span_s
-                - 0.06)
-                .abs()
-                < 1e-9
-        );
+        let mut blind = recorded.flags.iter().filter(|flag| flag.kind == FlagKind::NothingSeen);
+        assert!((blind.next().unwrap().span_s - 0.06).abs() < 1e-9);
     }
 }

@@ -1,41 +1,30 @@
 //! Moves the robot through a protocol and records motors and camera.
 
-use std::fs::File;
-use std::io::LineWriter;
+use std::{fs::File, io::LineWriter};
 
-use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError, Commander, Subscription};
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition};
 use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::realtime::Ticker;
 use i2ris::units::{MotorVec, Nanos};
+use i2ris::{clock, realtime::Ticker};
+use i2ris_report::{Failure, Interrupt, bail};
+use i2ris_simulation::motion::paced_motion::{Motion, Playback};
 use indicatif::ProgressBar;
 
 use super::recorder::Recorder;
 use crate::command::stream::{LOST_SETPOINT, restart_stream};
 use crate::command::stream_monitor::StreamMonitor;
 use crate::progress_bar::tenths;
-use i2ris_report::{Failure, Interrupt, bail};
-use i2ris_simulation::motion::paced_motion::{Motion, Playback};
 
-/// Commands per second: well below the deadline of a controller, and four times as fast as feedback
-/// needs.
+/// Well below the deadline of a controller, and four times as fast as feedback needs.
 const PERIOD: Nanos = Nanos::from_millis(5);
-
 const CAMERA_WAIT: Nanos = Nanos::from_millis(3000);
-
-/// Time without a message after which a camera has failed.
 const CAMERA_SILENCE: Nanos = Nanos::from_millis(2000);
-
 /// A frame whose stamp is further from now is not on this machine's monotonic clock.
 const CLOCK_TOLERANCE: Nanos = Nanos::from_millis(10_000);
-
 /// Rows are written this much later, because frames arrive late.
 const WRITE_DELAY: Nanos = Nanos::from_millis(1000);
-
-/// Time to continue after the motion, for delayed frames.
 const LAST_FRAMES: Nanos = Nanos::from_millis(1000);
-
 /// How long the controller may take to read the last command: many ticks.
 const LAST_COMMAND: Nanos = Nanos::from_millis(50);
 
@@ -92,14 +81,11 @@ impl Subscriptions {
             *setpoint = Some(state.setpoint_counts.map(f64::from));
             recorder.positions(&state);
         })?;
-        let (now, mut last_frame) = (clock::now(), false);
+        let (now, last_frame) = (clock::now(), &mut self.last_frame);
         self.external.drain(|seen| {
-            last_frame = true;
+            *last_frame = now;
             recorder.frame(&seen);
         })?;
-        if last_frame {
-            self.last_frame = now;
-        }
         if now.duration_since(self.last_frame) > CAMERA_SILENCE {
             bail!("the camera has been silent for {} s", CAMERA_SILENCE.as_seconds());
         }
@@ -138,7 +124,6 @@ fn no_camera(domain: &str, blind: bool) -> String {
     )
 }
 
-/// An ENABLED robot, and all that is needed to move and record it.
 pub struct Session<'a> {
     pub client: &'a mut Client,
     pub interrupt: &'a Interrupt,
@@ -171,7 +156,6 @@ impl Session<'_> {
         Ok(ending)
     }
 
-    /// Records while another program moves the robot, until an interrupt.
     pub fn watch(&mut self) -> Result<Ending, Failure> {
         while !self.interrupt.came() {
             self.subscriptions.receive(self.recorder)?;
@@ -220,7 +204,7 @@ impl Session<'_> {
         let state = self.client.wait_for(CAMERA_WAIT, |_| true)?;
         let mut watch = StreamMonitor::new(self.client.id(), &state, clock::now());
         let mut commander: Commander = self.client.commander();
-        let motors = self.recorder.motors();
+        let motors = self.recorder.motors;
         let mut playback = Playback::new(motion);
         self.bar.set_length(tenths(playback.left_s()));
         self.bar.reset();
@@ -230,11 +214,8 @@ impl Session<'_> {
             let now = ticker.wait().started;
             let stop = self.interrupt.came();
             if playback.is_finished(stop) {
-                return Ok(if playback.left_s() <= 0.0 {
-                    Ending::Complete
-                } else {
-                    Ending::Interrupted
-                });
+                let is_complete = playback.left_s() <= 0.0;
+                return Ok(if is_complete { Ending::Complete } else { Ending::Interrupted });
             }
             let step_s = if watch.may_continue() { (now - last).as_seconds() } else { 0.0 };
             let place = playback.advance(step_s, stop);

@@ -2,22 +2,19 @@
 //!
 //! Written when the recording begins, so that an interrupted one also has it, and again at the end.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use i2ris::robot::DriveFingerprint;
+use i2ris_calibration::quality::latency::Latency;
+use i2ris_report::{Failure, files::write};
 use serde::Serialize;
-
-use i2ris_report::files::write;
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Sidecar {
-    /// Always `i2ris-recording`.
     pub format: &'static str,
-    /// Version of this file's layout.
     pub schema_version: u32,
-    /// Name of the recording, without folders.
     pub recording: String,
-    /// Robot id of the controller's configuration.
     pub robot_id: String,
     pub software: String,
     pub controller: String,
@@ -27,7 +24,6 @@ pub struct Sidecar {
     /// When `t_s` was 0, on the wall clock, seconds since 1970.
     pub started_unix_s: u64,
     pub protocol: ProtocolRecord,
-    /// The outcome; absent while recording.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outcome: Option<Outcome>,
     /// Latency of the camera's stamps; absent if it cannot be estimated.
@@ -35,7 +31,6 @@ pub struct Sidecar {
     pub latency: Option<LatencyRecord>,
     /// The drive settings; empty if the controller does not report them.
     pub drives: Vec<DriveFingerprint>,
-    /// Intervals with problems.
     pub flags: Vec<Flag>,
 }
 
@@ -52,7 +47,6 @@ pub struct ProtocolRecord {
     pub limits: Limits,
 }
 
-/// The controller's limits.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Limits {
     pub position_min_counts: Vec<i32>,
@@ -63,21 +57,14 @@ pub struct Limits {
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outcome {
-    /// The protocol ran to its end.
     pub complete: bool,
-    /// Reason if incomplete; empty otherwise.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub reason: String,
     pub rows: usize,
-    /// Rows with angles.
     pub samples: usize,
-    /// Time from the first row to the last, s.
     pub length_s: f64,
-    /// Rows without angles, per second.
     pub encoder_rate_hz: f64,
-    /// Rows with angles, per second.
     pub camera_rate_hz: f64,
-    /// Messages that this program was too slow to read.
     pub missed_messages: u64,
 }
 
@@ -85,7 +72,6 @@ pub struct Outcome {
 pub struct LatencyRecord {
     /// Latency contained in the stamps of the recording, ms.
     pub estimate_ms: f64,
-    /// Standard deviation of the estimate, ms.
     pub deviation_ms: f64,
 }
 
@@ -105,7 +91,6 @@ impl Sidecar {
 /// An interval with a problem. The recording has no row with angles for it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Flag {
-    /// Time as in the recording, s.
     pub t_s: f64,
     pub kind: FlagKind,
     /// Duration, s; 0 for a single reading.
@@ -120,11 +105,9 @@ pub struct Flag {
 pub enum FlagKind {
     /// No encoder position for longer than usual; the path of the motors in between is unknown.
     EncoderGap,
-    /// No frame for longer than usual.
     CameraGap,
     /// A frame in a gap of the encoders: the positions of the motors are unknown.
     NoCounts,
-    /// The camera looked, but saw nothing.
     NothingSeen,
     /// Far from the frames before and after, which agree; or an angle that is impossible.
     Outlier,
@@ -143,4 +126,57 @@ impl FlagKind {
             Self::Late => "late frame",
         }
     }
+}
+
+/// Latencies below this are negligible: the encoders are read every 4 ms.
+const SMALL_MS: f64 = 4.0;
+
+pub fn record(latency: &Latency) -> LatencyRecord {
+    let round = |seconds: f64| (seconds * 1e5).round() / 1e2;
+    LatencyRecord { estimate_ms: round(latency.seconds), deviation_ms: round(latency.deviation_s) }
+}
+
+pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Failure> {
+    if json {
+        println!("{}", serde_json::to_string_pretty(sidecar)?);
+        return Ok(());
+    }
+    let Some(outcome) = &sidecar.outcome else { return Ok(()) };
+    let Outcome { length_s, rows, encoder_rate_hz, samples, camera_rate_hz, .. } = outcome;
+    println!(
+        "recorded   {length_s:.1} s: {rows} positions ({encoder_rate_hz:.0} Hz), {samples} with \
+         angles ({camera_rate_hz:.1} Hz)"
+    );
+    println!("latency    {}", latency_text(sidecar.latency.as_ref()));
+    println!("flags      {}", flags_text(sidecar));
+    if outcome.missed_messages > 0 {
+        println!("missed     {} message(s): this program was delayed", outcome.missed_messages);
+    }
+    let file = recording.display();
+    println!("wrote      {file} and {}", Sidecar::path(recording).display());
+    if outcome.complete {
+        let robot = &sidecar.robot_id;
+        println!("next       i2ris calibrate fit {file} --robot-id {robot} --output MODEL.json");
+    }
+    Ok(())
+}
+
+fn latency_text(latency: Option<&LatencyRecord>) -> String {
+    let Some(LatencyRecord { estimate_ms, deviation_ms }) = latency else {
+        return "of the camera's stamps cannot be estimated from this motion".to_owned();
+    };
+    let what = if estimate_ms.abs() > SMALL_MS.max(3.0 * deviation_ms) {
+        "; `i2ris calibrate fit` corrects it if held-out rows confirm it"
+    } else {
+        ", negligible"
+    };
+    format!("{estimate_ms:+.1} +- {deviation_ms:.1} ms in the camera's stamps{what}")
+}
+
+fn flags_text(sidecar: &Sidecar) -> String {
+    let mut counts = BTreeMap::new();
+    sidecar.flags.iter().for_each(|flag| *counts.entry(flag.kind).or_insert(0) += 1);
+    let found = counts.iter().map(|(kind, count)| format!("{count} {}", kind.text()));
+    let found: Vec<String> = found.collect();
+    if found.is_empty() { "none".to_owned() } else { found.join(", ") }
 }

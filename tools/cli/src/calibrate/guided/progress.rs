@@ -1,17 +1,15 @@
 //! Completed steps, read from their files and the controller, so that a calibration resumes after
 //! an interruption, a failure or a restart of the controller.
 
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fmt, fs};
 
-use i2ris::ipc::OperatingState;
-use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{ModelSlot, OperatingStateMsg};
 use i2ris::model::{Model, ModelId};
+use i2ris::{ipc::OperatingState, ipc::client::Client};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_report::{Failure, files};
 
-use super::steps::Step;
 use crate::command::prepare::CONNECT;
 
 /// The model refitted to motion as in use, if it is better there.
@@ -24,7 +22,7 @@ pub struct Progress {
     model: Option<ModelId>,
     refined: Option<ModelId>,
     /// The model was checked on a circle, maybe before a controller restart.
-    checked_before: bool,
+    pub checked_before: bool,
 }
 
 impl Progress {
@@ -65,13 +63,11 @@ impl Progress {
         Ok(progress)
     }
 
-    /// Whether the model of the folder is in use.
     pub fn is_active(&self, client: &mut Client) -> Result<bool, Failure> {
         let [active, ..] = client.models()?.slots;
         Ok(self.refined.or(self.model).is_some_and(|model| is(&active, model)))
     }
 
-    /// File name of the final model.
     pub fn model_file(&self) -> &'static str {
         if self.refined.is_some() { REFINED } else { "model.json" }
     }
@@ -81,15 +77,10 @@ impl Progress {
         is_done.then(|| Model::load(&self.folder.join(REFINED)).ok().map(|model| model.id()))?
     }
 
-    pub fn was_checked_before(&self) -> bool {
-        self.checked_before
-    }
-
     pub fn is_done(&self, step: Step) -> bool {
         self.done.contains(&step)
     }
 
-    /// Marks a step as done.
     pub fn done(&mut self, step: Step) -> Result<(), Failure> {
         if step == Step::Fit {
             self.model = Some(Model::load(&self.folder.join("model.json"))?.id());
@@ -104,7 +95,6 @@ impl Progress {
         Ok(())
     }
 
-    /// File with the identity of the model for which a step was done.
     fn note(&self, step: Step) -> PathBuf {
         self.folder.join(format!("{step}.done"))
     }
@@ -125,8 +115,7 @@ fn is(slot: &ModelSlot, model: ModelId) -> bool {
 pub fn is_complete(recording: &Path) -> bool {
     let sidecar = fs::read_to_string(recording.with_extension("toml"));
     let table = sidecar.ok().and_then(|text| text.parse::<toml::Table>().ok());
-    let complete =
-        table.as_ref().and_then(|table| table.get("outcome")?.get("complete")?.as_bool());
+    let complete = table.and_then(|table| table.get("outcome")?.get("complete")?.as_bool());
     recording.is_file() && complete == Some(true)
 }
 
@@ -146,12 +135,50 @@ pub fn set_aside(recording: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The identity of a model file that was fitted to this recording.
 fn fitted(model: &Path, recording: &Path) -> Option<ModelId> {
     let model = Model::load(model).ok()?;
     let (recording, _) = Recording::read(recording, &ColumnMap::default()).ok()?;
     let is_own = model.file().training.data_sha256 == recording.sha256();
     is_own.then(|| model.id())
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    Collect,
+    Fit,
+    Compare,
+    Use,
+    Check,
+    Refine,
+}
+
+impl fmt::Display for Step {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&format!("{self:?}").to_lowercase())
+    }
+}
+
+impl Step {
+    pub const ALL: [Self; 6] =
+        [Self::Collect, Self::Fit, Self::Compare, Self::Use, Self::Check, Self::Refine];
+
+    /// Whether the robot moves, which requires a known zero.
+    pub fn moves(self) -> bool {
+        matches!(self, Self::Collect | Self::Use | Self::Check | Self::Refine)
+    }
+
+    pub fn purpose(self) -> &'static str {
+        match self {
+            Self::Collect => "the motors move through the plane while the camera measures",
+            Self::Fit => "a model is fitted to the recording",
+            Self::Compare => "the model is judged on a short recording that it was not fitted to",
+            Self::Use => {
+                "the controller checks and activates the model; a conditioning cycle makes it exact"
+            }
+            Self::Check => "the snake follows a circle, and the camera measures the error",
+            Self::Refine => "the snake moves as in use, and the model is refitted to include it",
+        }
+    }
 }
 
 #[cfg(test)]
@@ -172,10 +199,9 @@ mod tests {
         assert!(!recording.exists() && !sidecar.exists());
         fs::write(&recording, "t_s\n").unwrap();
         set_aside(&recording).unwrap();
-        let mut left: Vec<_> = { fs::read_dir(folder.path()).unwrap() }
+        let left: Vec<_> = { fs::read_dir(folder.path()).unwrap() }
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
             .collect();
-        left.sort();
         assert_eq!(left.len(), 3, "{left:?}");
         fs::write(&recording, "t_s\n").unwrap();
         fs::write(&sidecar, "[outcome]\ncomplete = true\n").unwrap();

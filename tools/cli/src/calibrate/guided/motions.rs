@@ -1,28 +1,62 @@
-//! The last step: the snake moves as in use, and the model is refitted to include that motion. A
-//! calibration covers the whole range; use covers part of it, and crosses gaps at full motor speed.
+//! The last two steps, judged by the camera: a circle, because completing it does not mean
+//! following it; and a motion as in use, which the refitted model includes. A calibration covers
+//! the whole range; use covers part of it, and crosses gaps at full motor speed.
 
 use std::fmt::Write as _;
-use std::fs;
-use std::path::Path;
 use std::process::{Child, ExitStatus, Stdio};
+use std::{fs, path::Path};
 
-use i2ris::clock;
-use i2ris::model::Model;
-use i2ris::units::Nanos;
-use i2ris_report::exit::OUT_OF_REACH;
-use i2ris_report::{Failure, files};
+use i2ris::{clock, model::Model, units::Nanos};
+use i2ris_report::{Failure, exit::OUT_OF_REACH, files};
 use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ, within_reach};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
 use super::progress::{REFINED, set_aside};
 use super::{Guided, Step, words};
+use crate::demo::{TrackingRecorder, rms_deg};
 use crate::procedure::say;
 
 /// No other motion has this seed.
 const SEED: u64 = 3;
+/// Error added by camera and line at 5 deg/s, deg: frames 60 ms late, and noise.
+const ADDED_DEG: f64 = 0.5;
+const POLL: Nanos = Nanos::from_millis(5);
 
 impl Guided<'_> {
+    /// Follows the circle. `Some`: the reason to doubt the result.
+    pub fn check(&mut self) -> Result<Option<String>, Failure> {
+        // Repeated after a restart: one turn shows whether the zero is still the same.
+        let duration_s = if self.progress.checked_before { "6" } else { "18" };
+        let circle = ["command", "circle", "--radius-deg", "5", "--period-s", "6"];
+        let circle = words(&[&circle[..], &["--duration-s", duration_s, "--enable"]].concat());
+        let mut recorder = TrackingRecorder::new(&self.client);
+        let mut circle = self.command(&circle)?.spawn()?;
+        let mut read = Ok(());
+        let status = loop {
+            // In every case the circle is waited for or stopped.
+            read = read.and_then(|()| recorder.read());
+            if let Some(status) = circle.try_wait()? {
+                break status;
+            }
+            clock::sleep(POLL);
+        };
+        self.check_status(Step::Check, status, status.success())?;
+        read?;
+        let [.., error] = rms_deg(&recorder.errors_since(0));
+        let model = Model::load(&self.arguments.folder.join(self.progress.model_file()))?;
+        let limit = 2.0 * stated_deg(&model) + ADDED_DEG;
+        Ok((error.is_nan() || error > limit).then(|| {
+            let measured = format!("the camera measured a tracking error of {error:.2} deg RMS");
+            let unseen = "the camera did not see the circle".to_owned();
+            let seen = if error.is_nan() { unseen } else { measured };
+            format!(
+                "{seen}; the limit is {limit:.2} (twice the stated model error, plus {ADDED_DEG} \
+                 for camera and line); `i2ris preflight` shows the cause"
+            )
+        }))
+    }
+
     /// Moves, fits, and switches to the new model. If it is not better, the calibrated model stays.
     pub fn refine(&mut self) -> Result<(), Failure> {
         let [model, refined, recording, in_use] =
@@ -60,7 +94,6 @@ impl Guided<'_> {
         Ok(files::write(self.file("use-path.csv").as_ref(), text)?)
     }
 
-    /// Moves along the path while another process records.
     fn record_use(&self, output: &str) -> Result<(), Failure> {
         let watch = words(&["calibrate", "collect", "--watch", "--output", output]);
         let mut watcher = self.command(&watch)?.stdout(Stdio::null()).spawn()?;
@@ -83,10 +116,15 @@ impl Guided<'_> {
     }
 }
 
-/// Ends a recording as Ctrl-C does.
 fn end(watcher: &mut Child) -> Result<ExitStatus, Failure> {
     if watcher.try_wait()?.is_none() {
         kill(Pid::from_raw(i32::try_from(watcher.id())?), Signal::SIGINT)?;
     }
     Ok(watcher.wait()?)
+}
+
+/// Held-out error of the fit, both outputs together, deg.
+fn stated_deg(model: &Model) -> f64 {
+    let fits = model.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training).rmsd);
+    fits.map(|rmsd| rmsd * rmsd).sum::<f64>().sqrt()
 }
