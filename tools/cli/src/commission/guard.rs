@@ -5,19 +5,16 @@
 //! current and state are read after every exchange and judged by [`Watch`]; any violation cuts the
 //! power at once. The same limits are set in the drive.
 
-use i2ris::config::AxisConfig;
 use i2ris::drive::bring_up::{configure_axis, switch_off};
 use i2ris::drive::cia402::{Controlword, DriveState, PowerGoal, PowerStep, power_step};
 use i2ris::drive::error::{AxisError, LinkError};
-use i2ris::drive::link::Retry;
 use i2ris::drive::object::{self, Setting};
-use i2ris::drive::transport::Transport;
 use i2ris::units::{Counts, Nanos};
+use i2ris::{config::AxisConfig, drive::link::Retry, drive::transport::Transport};
 
 use super::node::Node;
 use super::watch::{FEW, NEAR, Permit, PowerCutReason, SILENT, Seen, Watch};
 
-/// Time limit for a drive to switch its power on.
 const ON_TIMEOUT: Nanos = Nanos::from_millis(2000);
 /// Speed limits set in the drive: one turn per second for motions; for pulses, enough for one to be
 /// seen, but few counts if a stall of this computer ends it late.
@@ -25,23 +22,18 @@ const SPEED_RPM: u32 = 60;
 const PULSE_RPM: u32 = 20;
 /// Distance from the setpoint at which the drive itself stops the motor, counts.
 const WINDOW: u32 = 10;
-/// Pause between single counts.
 const STEP: Nanos = Nanos::from_millis(8);
 /// Duration of a pulse, or that of two writes, if longer: the second write ends it.
 const PULSE: Nanos = Nanos::from_millis(3);
 const COAST: Nanos = Nanos::from_millis(8);
-
-/// Consecutive replies that may be lost on an otherwise working line.
 const MAX_LOST_REPLIES: u32 = 2;
 
-/// Control mode of the motor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     Current,
     Position,
 }
 
-/// Permission and options for switching the power on.
 #[derive(Debug, Clone, Copy)]
 pub struct PowerOn {
     pub permit: Permit,
@@ -50,7 +42,6 @@ pub struct PowerOn {
     pub current_ma: u32,
     /// Position limits of the drive, counts from the start; `None`: the permitted range.
     pub limits: Option<i32>,
-    /// Setting to write after the limits.
     pub extra: Option<Setting>,
     /// Origin of the counts; `None`: the present position.
     pub origin: Option<i32>,
@@ -66,11 +57,11 @@ impl PowerOn {
 pub struct PoweredDrive<'a, 'b, T: Transport> {
     node: &'a mut Node<'b, T>,
     watch: Watch,
-    origin: i32,
+    /// Origin of the counts.
+    pub origin: i32,
     goal: i32,
     mode: Mode,
     unit_ma: f64,
-    /// Total time with current.
     pub flowed: Nanos,
     is_off: bool,
 }
@@ -89,19 +80,13 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         let current_ma = how.current_ma.clamp(1, node.axis.current_limit_ma);
         let begin = node.link.now();
         let watch = Watch { most, most_ma: current_ma.max(5).cast_signed(), begin, sent: None };
-        let (mode, unit_ma) = (how.mode, node.current_unit_ma()?);
-        let (origin, goal) = (0, 0);
-        let mut guard =
-            Self { node, watch, origin, goal, mode, unit_ma, flowed: Nanos::ZERO, is_off: false };
+        let (mode, unit_ma, flowed) = (how.mode, node.current_unit_ma()?, Nanos::ZERO);
+        let (origin, goal, is_off) = (0, 0, false);
+        let mut guard = Self { node, watch, origin, goal, mode, unit_ma, flowed, is_off };
         match guard.prepare(current_ma, how).and_then(|()| guard.switch_on()) {
             Ok(()) => Ok(guard),
             Err(trip) => Err(guard.end(trip)),
         }
-    }
-
-    /// Origin of the counts.
-    pub fn origin(&self) -> i32 {
-        self.origin
     }
 
     fn prepare(&mut self, current_ma: u32, how: PowerOn) -> Result<(), PowerCutReason> {
@@ -139,9 +124,8 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         if self.mode == Mode::Current {
             return Ok(());
         }
-        let target = self.node.family.object_map().target;
-        let setting = target.set(self.origin + self.goal);
-        self.node.write(setting, Retry::Safe)?;
+        let target = self.node.family.object_map().target.set(self.origin + self.goal);
+        self.node.write(target, Retry::Safe)?;
         Ok(())
     }
 
@@ -154,8 +138,7 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
             match power_step(seen.state, PowerGoal::On) {
                 PowerStep::Reached => return Ok(()),
                 PowerStep::Command(word) if commanded != Some(word) => {
-                    let write = object::CONTROLWORD.set(word.0);
-                    self.node.write(write, Retry::Never)?;
+                    self.node.write(object::CONTROLWORD.set(word.0), Retry::Never)?;
                     commanded = Some(word);
                 }
                 PowerStep::Blocked => return Err(PowerCutReason::Fault(self.node.fault())),
@@ -176,9 +159,7 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
             Ok(reply) => current.signed(reply.value),
             // Old firmware does not have this object.
             Err(LinkError::Refused(_)) => 0,
-            Err(error) => {
-                return Err(AxisError::Exchange { object: current, error }.into());
-            }
+            Err(error) => return Err(AxisError::Exchange { object: current, error }.into()),
         };
         Ok(Seen { at, counts: position.wrapping_sub(self.origin), current_ma, state })
     }
@@ -190,7 +171,6 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         self.watch.judge(seen)
     }
 
-    /// Reads and judges the drive state, and cuts the power on a violation.
     pub fn look(&mut self) -> Result<Seen, PowerCutReason> {
         let looked = self.see().and_then(|seen| {
             self.judge(seen)?;
@@ -203,7 +183,6 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         looked.map_err(|trip| self.end(trip))
     }
 
-    /// Monitors the drive for `span`.
     pub fn rest(&mut self, span: Nanos) -> Result<Seen, PowerCutReason> {
         let end = self.node.link.now() + span;
         loop {
@@ -214,7 +193,6 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         }
     }
 
-    /// Waits for `span` without an exchange.
     pub fn be_silent(&mut self, span: Nanos) {
         let until = self.node.link.now() + span;
         while self.node.link.now() < until && !(self.node.is_interrupted)() {
@@ -223,7 +201,6 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         }
     }
 
-    /// Applies a current for a few milliseconds. Returns the encoder counts.
     pub fn pulse(&mut self, ma: f64) -> Result<i32, PowerCutReason> {
         let before = self.look()?.counts;
         let pulse = self.node.current(ma / self.unit_ma);
@@ -241,8 +218,7 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         Ok(self.rest(COAST)?.counts - before)
     }
 
-    /// Moves to `place`, counts from the start, in steps of `step` counts. Each step waits for the
-    /// encoder; `at` is called after each.
+    /// Moves to `place`, counts from the start. Each step waits for the encoder, then calls `at`.
     pub fn go(
         &mut self,
         place: i32,
@@ -280,7 +256,6 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         Ok(())
     }
 
-    /// Begins or ends a halt.
     pub fn halt(&mut self, halts: bool) -> Result<(), PowerCutReason> {
         let word = Controlword::ENABLE_OPERATION.0 | u16::from(halts) << 8;
         let written = self.node.write(object::CONTROLWORD.set(word), Retry::Safe);
@@ -323,7 +298,6 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         }
     }
 
-    /// Switches off cleanly.
     pub fn off(mut self) -> Result<(), PowerCutReason> {
         self.is_off = true;
         match switch_off(self.node.link, self.node.axis.node_id) {
@@ -332,7 +306,6 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         }
     }
 
-    /// Switches off at once, for this reason.
     fn end(&mut self, trip: PowerCutReason) -> PowerCutReason {
         self.is_off = true;
         match self.node.cut() {

@@ -4,24 +4,16 @@
 //! Every call on the line is a packet to the child and one back. Only the child has the port open,
 //! so late calls from a resumed commissioning cannot bypass it.
 
-use std::fs;
 use std::io::{self, Read, Write};
-use std::os::unix::net::UnixStream;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::Duration;
+use std::{fs, os::unix::net::UnixStream, time::Duration};
 
-use i2ris::clock;
-use i2ris::config::PortConfig;
-use i2ris::drive::DriveError;
-use i2ris::drive::family_selection::family_of_port;
-use i2ris::drive::link::DriveLink;
-use i2ris::drive::serial_transport::SerialTransport;
-use i2ris::drive::transport::Transport;
-use i2ris::units::Nanos;
-use nix::libc;
+use i2ris::drive::{DriveError, family_selection::family_of_port, link::DriveLink};
+use i2ris::drive::{serial_transport::SerialTransport, transport::Transport};
+use i2ris::{clock, config::PortConfig, units::Nanos};
 use nix::sys::socket::{AddressFamily, SockFlag, SockType, socketpair};
-use nix::sys::wait::waitpid;
 use nix::unistd::{ForkResult, Pid, fork, getpid, getppid, setsid};
+use nix::{libc, sys::wait::waitpid};
 
 use super::node::Node;
 
@@ -29,7 +21,6 @@ use super::node::Node;
 const LOOK: Nanos = Nanos::from_millis(5);
 /// Maximum size of a packet, bytes; a frame is far smaller.
 const PACKET: usize = 8192;
-
 /// The calls, as first byte of a packet. A reply begins with 0 if the call failed.
 const WRITE: u8 = 1;
 /// Payload: deadline, ns, and maximum number of bytes.
@@ -38,7 +29,6 @@ const REOPEN: u8 = 3;
 /// Clean end: the power stays as the commissioning left it.
 const END: u8 = 4;
 
-/// A line to the child that has the port open.
 pub struct HeldPort {
     child: Pid,
     socket: UnixStream,
@@ -99,8 +89,7 @@ impl Transport for HeldPort {
 
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
         let most = into.len().min(PACKET - 1) as u64;
-        let payload = [deadline.0, most].map(u64::to_ne_bytes).concat();
-        self.call(READ, &payload, into)
+        self.call(READ, &[deadline.0, most].map(u64::to_ne_bytes).concat(), into)
     }
 
     fn reopen(&mut self) -> io::Result<()> {
@@ -124,7 +113,6 @@ impl Drop for HeldPort {
     }
 }
 
-/// Whether a process has ended or is suspended, as the system shows it.
 fn is_away(parent: Pid) -> bool {
     let state = fs::read_to_string(format!("/proc/{parent}/stat")).unwrap_or_default();
     // The process name, in parentheses, may contain anything.
@@ -161,7 +149,6 @@ fn hold(mut line: SerialTransport, mut socket: UnixStream, parent: Pid, config: 
     }
 }
 
-/// Waits for bytes until the deadline of the call.
 fn read(
     line: &mut SerialTransport,
     payload: &[u8],

@@ -2,22 +2,17 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `order` | the sequence of the stages |
-//! | `session` | shared state of the stages |
+//! | `session` | the sequence of the stages, and their shared state |
 //! | `watch`, `guard`, `node` | motion limits; a drive with power; a drive |
 //! | `reading`, `moving`, `stopping` | the stages |
-//! | `record`, `page`, `proposal` | findings, in a file and on a page; the proposal |
+//! | `record`, `page` | findings, in a file and on a page; the proposal |
 //! | `held_port` | a process that cuts the power when this one ends or is suspended |
-//! | `kill` | killing a controller |
 
 mod guard;
 mod held_port;
-mod kill;
 mod moving;
 mod node;
-mod order;
 mod page;
-mod proposal;
 mod reading;
 mod record;
 mod session;
@@ -26,26 +21,24 @@ mod stopping;
 pub mod tests;
 mod watch;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
-use std::{fs, iter};
+use std::{collections::BTreeMap, fs, iter, process::Command, rc::Rc};
 
-use i2ris::config::{Config, PortConfig};
-use i2ris::drive::DriveError;
-use i2ris::units::Nanos;
-use i2ris_report::{Failure, Interrupt, bail, files};
+use i2ris::config::{Config, HomingMethod, PortConfig};
+use i2ris::ipc::{Domain, StateCommand};
+use i2ris::{clock, drive::DriveError, ipc::client::Client, units::Nanos};
+use i2ris_report::{Failure, Interrupt, bail, files, process::Process, programs::find};
 use i2ris_simulation::drive::DeviceFile;
 
+use crate::procedure::{Person, Procedure, Terminal, permission};
+use crate::start::wait;
 use held_port::HeldPort;
 use record::Record;
 use session::{Lines, Session, keep};
 
-use crate::procedure::Procedure;
-use crate::procedure::{Person, Terminal, permission};
-
-/// Exchanges of the histogram.
 const EXCHANGES: usize = 10_000;
+/// Holding time of the controller before it is killed.
+const HOLDS: Nanos = Nanos::from_millis(2000);
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -85,8 +78,44 @@ impl Lines for SerialLines<'_> {
         HeldPort::open(port)
     }
 
+    /// Nothing moves: regardless of the configured homing, the present pose becomes the zero.
     fn kill_controller(&mut self) -> Result<String, Failure> {
-        kill::kill_controller(self.config, self.folder, self.interrupt)
+        let Self { config, folder, interrupt } = *self;
+        let mut config = config.clone();
+        let axes = config.ports.iter_mut().flat_map(|port| &mut port.axes);
+        axes.for_each(|axis| axis.homing = HomingMethod::Here);
+        let file = folder.join("kill.toml");
+        files::write(&file, toml::to_string(&config)?)?;
+        let domain = Domain::new(&config.domain)?;
+        let start = |name: &'static str| -> Result<Process, Failure> {
+            let program = find(name).ok_or(format!("program i2ris-{name} not found"))?;
+            let mut command = Command::new(program);
+            command.env("I2RIS_DOMAIN", domain.name());
+            let _ = fs::remove_file(folder.join(format!("{name}.log")));
+            Process::start(name, command.arg("--config").arg(&file), folder)
+        };
+        let log = folder.join("watchdog.log");
+        let has_logged =
+            |word: &str| fs::read_to_string(&log).is_ok_and(|text| text.contains(word));
+        let mut watchdog = start("watchdog")?;
+        let mut controller = start("control")?;
+        let both = &mut [&mut watchdog, &mut controller];
+        wait(interrupt, both, "the controller", || Client::connect(&domain, Nanos::ZERO).is_ok())?;
+        wait(interrupt, both, "the watchdog", || has_logged("watching the controller"))?;
+        let mut client = Client::connect(&domain, HOLDS)?;
+        client.carry_out(StateCommand::Home, || interrupt.came())?;
+        client.carry_out(StateCommand::Enable, || interrupt.came())?;
+        clock::sleep(HOLDS);
+        controller.kill()?;
+        let lines = config.axes().count();
+        let stopped =
+            || fs::read_to_string(&log).is_ok_and(|text| text.matches(", motor ").count() >= lines);
+        wait(interrupt, &mut [&mut watchdog], "the stop by the watchdog", stopped)?;
+        let text = fs::read_to_string(&log)?;
+        let lines: Vec<&str> =
+            text.lines().skip_while(|line| !line.contains("last heartbeat")).collect();
+        watchdog.end()?;
+        Ok(format!("log of the watchdog: {}", lines.join(" | ")))
     }
 }
 
@@ -154,7 +183,7 @@ fn finish(
     files::write(&path, page::page(record, &name).html())?;
     let found = record.findings.iter();
     let found = found.map(|it| format!("{}, {}: {}", it.topic.name(), it.place, it.value));
-    let (new, diff) = proposal::change(&record.config, &name, &record.changes);
+    let (new, diff) = page::change(&record.config, &name, &record.changes);
     let proposed = (!diff.is_empty()).then(|| format!("\nproposed configuration:\n{diff}"));
     let lines = iter::once("\nfindings:".to_owned()).chain(found).chain(proposed);
     lines.for_each(|line| person.say(&line));
@@ -169,8 +198,8 @@ fn write_changes(file: &Path, old: &str, new: &str, person: &mut Terminal) -> Re
     let (name, copy_name) = (file.display(), copy.display());
     let what =
         format!("These lines will be written into {name}; the old file is kept as {copy_name}.");
-    if !matches!(permission(person, &what, "apply", "any other input changes nothing"), Ok(Some(_)))
-    {
+    let given = permission(person, &what, "apply", "any other input changes nothing");
+    if !matches!(given, Ok(Some(_))) {
         return Ok(());
     }
     Config::parse(new, file)?;

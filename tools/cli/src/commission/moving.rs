@@ -1,10 +1,8 @@
 //! Stages with powered drives: every motion goes through [`PoweredDrive`].
 
-use i2ris::drive::capture::CapturedLine;
-use i2ris::drive::cia402::DriveState;
 use i2ris::drive::error::{AxisError, LinkError};
-use i2ris::drive::object::Object;
-use i2ris::drive::transport::Transport;
+use i2ris::drive::{capture::CapturedLine, cia402::DriveState};
+use i2ris::drive::{object::Object, transport::Transport};
 use i2ris::units::Nanos;
 use i2ris_report::bail;
 
@@ -12,29 +10,22 @@ use super::guard::{Mode, PowerOn, PoweredDrive};
 use super::record::{NOT_THERE, Sweep, Topic};
 use super::session::{Motor, ms};
 use super::watch::{FEW, Permit, PowerCutReason, SILENT, Seen};
-use crate::procedure::Halt;
-use crate::procedure::{Permission, permission};
+use crate::procedure::{Halt, Permission, permission};
 
 /// Time with power before communication stops, and duration of that silence.
 const QUIET: Nanos = Nanos::from_millis(1000);
 const SILENCE: Nanos = Nanos::from_millis(3000);
-/// Time for the motor to reach its place.
 const SETTLED: Nanos = Nanos::from_millis(150);
-/// Maximum pulse current of the first and of the second permission, mA.
 const FIRST_MA: f64 = 10.0;
 const SECOND_MA: f64 = 60.0;
-/// Permitted distance for pulses of the second permission, counts.
 const SECOND_COUNTS: i32 = 200;
-/// Minimum current limit of the position loop, mA.
 const MIN_LIMIT_MA: u32 = 20;
 /// Position limits for the test of a setpoint beyond them, and that setpoint, counts.
 const LIMIT: i32 = 5;
 const BEYOND: i32 = 9;
 /// A setpoint during a halt, counts.
 const HALTED: i32 = 6;
-/// Largest turn that is tested, counts.
 const MAX_TURN_COUNTS: i32 = 16_384;
-
 /// Encoder pulses per turn, four counts each.
 const EPOS4_PULSES: Object<u32> = Object::of(0x3010, 1);
 const EPOS2_PULSES: Object<u32> = Object::of(0x2210, 1);
@@ -61,7 +52,6 @@ pub fn power<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result
     Ok(format!("power came on and nothing moved; without communication for 3 s it {value}"))
 }
 
-/// A fault as a value.
 pub fn fault(code: u16) -> String {
     format!("fault 0x{code:04X}")
 }
@@ -75,7 +65,6 @@ fn or_fault<V>(outcome: Result<V, PowerCutReason>) -> Result<Result<V, u16>, Hal
     }
 }
 
-/// Acknowledges a fault, if present.
 pub fn acknowledge<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     let node = &mut motor.node;
     if node.state()? != DriveState::Fault {
@@ -95,9 +84,8 @@ fn on<'a, 'b, T: Transport>(
     motor: &'a mut Motor<'b, T>,
     how: PowerOn,
 ) -> Result<PoweredMotor<'a, 'b, T>, PowerCutReason> {
-    let how = PowerOn { origin: *motor.origin, ..how };
-    let guard = PoweredDrive::on(&mut motor.node, how)?;
-    *motor.origin = Some(guard.origin());
+    let guard = PoweredDrive::on(&mut motor.node, PowerOn { origin: *motor.origin, ..how })?;
+    *motor.origin = Some(guard.origin);
     Ok(guard)
 }
 
@@ -150,8 +138,7 @@ fn find_friction<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Re
     };
     let second = std::iter::successors(Some(last.max(least)), |ma| Some((1.3 * ma).max(ma + unit)));
     let second: Vec<f64> = second.skip(1).take_while(|ma| *ma <= SECOND_MA.min(most)).collect();
-    let permit = Permit::further(yes, &more, SECOND_COUNTS);
-    let found = pulses(motor, permit, &second)?;
+    let found = pulses(motor, Permit::further(yes, &more, SECOND_COUNTS), &second)?;
     found.ok_or_else(|| format!("it does not turn with more current: it {still}").into())
 }
 
@@ -238,10 +225,8 @@ fn find_interpolation<T: Transport>(motor: &mut Motor<'_, T>, how: PowerOn) -> R
         guard.rest(SETTLED)?;
         guard.off()
     });
-    if let Err(PowerCutReason::Drive(AxisError::Exchange {
-        object,
-        error: LinkError::Refused(code),
-    })) = &waited
+    if let Err(PowerCutReason::Drive(AxisError::Exchange { object, error })) = &waited
+        && let LinkError::Refused(code) = error
         && *object == PERIOD.address()
     {
         let why = format!("this drive refuses 0x60C2:01: {code}");
@@ -258,10 +243,9 @@ fn find_interpolation<T: Transport>(motor: &mut Motor<'_, T>, how: PowerOn) -> R
 }
 
 pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<String, Halt> {
-    let (object, name) = if motor.node.is_epos2() {
-        (EPOS2_PULSES, "0x2210:01")
-    } else {
-        (EPOS4_PULSES, "0x3010:01")
+    let (object, name) = match motor.node.is_epos2() {
+        true => (EPOS2_PULSES, "0x2210:01"),
+        false => (EPOS4_PULSES, "0x3010:01"),
     };
     let pulses = match motor.node.read(object) {
         Err(AxisError::Exchange { error: LinkError::Refused(code), .. }) if code.is_missing() => 0,
@@ -303,12 +287,12 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<
         return Ok(text);
     }
     let evidence = format!("{name} = {pulses}, four counts each");
-    let Some(_) = second else {
+    if second.is_none() {
         let unseen = format!("{evidence}; no turn was permitted, so none was observed");
         motor.find(Topic::CountsPerTurn, &turn.to_string(), unseen);
         motor.skip(Topic::Direction, "no turn was permitted");
         return Ok(format!("{turn} counts per turn by its setting"));
-    };
+    }
     note_turn(motor, turn, name, &evidence)
 }
 
@@ -333,25 +317,20 @@ fn sweep<T: Transport>(
 }
 
 fn note_play<T: Transport>(motor: &mut Motor<'_, T>, back: Vec<(i32, i32)>) {
-    let travelled = match (back.first(), back.last()) {
-        (Some((first, _)), Some((last, _))) => first - last,
-        _ => 0,
-    };
-    match play(&back) {
+    let ends = back.first().zip(back.last());
+    let travelled = ends.map_or(0, |((first, _), (last, _))| first - last);
+    let (value, evidence) = match play(&back) {
         Some((counts, low, high)) => {
-            let evidence = format!(
-                "after a reversal, {low} mA turn the motor for {counts} counts, then {high} mA"
-            );
-            motor.find(Topic::Play, &format!("{counts} counts"), evidence);
+            let turn = format!("{low} mA turn the motor for {counts} counts, then {high} mA");
+            (format!("{counts} counts"), format!("after a reversal, {turn}"))
         }
         None => {
-            let evidence = format!(
-                "the current did not rise within {travelled} counts after a reversal: nothing is \
-                 coupled, or the play is larger"
-            );
-            motor.find(Topic::Play, "not found", evidence);
+            let why = "nothing is coupled, or the play is larger";
+            let rise = format!("did not rise within {travelled} counts after a reversal");
+            ("not found".to_owned(), format!("the current {rise}: {why}"))
         }
-    }
+    };
+    motor.find(Topic::Play, &value, evidence);
     motor.record.sweeps.retain(|it| it.place != motor.place);
     motor.record.sweeps.push(Sweep { place: motor.place.clone(), back });
 }
@@ -375,7 +354,6 @@ fn play(back: &[(i32, i32)]) -> Option<(i32, i32, i32)> {
     Some((start - at, low, high))
 }
 
-/// Records the operator's observation of a turn.
 fn note_turn<T: Transport>(
     motor: &mut Motor<'_, T>,
     turn: i32,
@@ -400,17 +378,14 @@ fn note_turn<T: Transport>(
         _ => motor.skip(Topic::Direction, "the operator did not see it"),
     }
     let turns: Option<f64> = seen.parse().ok().filter(|turns: &f64| *turns > 0.0);
-    let (value, evidence) = match turns {
+    let (value, saw) = match turns {
         Some(turns) => {
-            let value = (f64::from(turn) / turns).round();
-            (
-                value.to_string(),
-                format!("{evidence}; the operator counted {turns} turns for {turn} counts"),
-            )
+            let saw = format!("counted {turns} turns for {turn} counts");
+            ((f64::from(turn) / turns).round().to_string(), saw)
         }
-        None => (turn.to_string(), format!("{evidence}; the operator did not see the turn")),
+        None => (turn.to_string(), "did not see the turn".to_owned()),
     };
-    motor.find(Topic::CountsPerTurn, &value, evidence);
+    motor.find(Topic::CountsPerTurn, &value, format!("{evidence}; the operator {saw}"));
     match turns {
         Some(turns) if (turns - 1.0).abs() > 0.1 => bail!(
             "its encoder has another resolution: one turn is {value} counts, but the drive \

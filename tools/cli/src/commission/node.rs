@@ -1,27 +1,23 @@
 //! A drive on a line: reading it and cutting its power.
 
 use i2ris::config::{AxisConfig, PortConfig, Streaming};
-use i2ris::drive::DriveFamily;
 use i2ris::drive::cia402::{Controlword, DriveState, Statusword};
-use i2ris::drive::error::AxisError;
-use i2ris::drive::family_selection::family_of_axis;
 use i2ris::drive::link::{DriveLink, Retry};
 use i2ris::drive::object::{self, Object, Setting, Value};
-use i2ris::drive::transport::Transport;
+use i2ris::drive::{DriveFamily, error::AxisError};
+use i2ris::drive::{family_selection::family_of_axis, transport::Transport};
 use i2ris::units::Nanos;
 
 use super::watch::PowerCutReason;
 
 /// Attempts to cut the power: the first may meet a line out of sync.
 const CUTS: usize = 4;
-
 /// Current setpoint of an EPOS2, mA.
 const EPOS2_CURRENT: Object<i16> = Object::of(0x2030, 0);
 /// Torque setpoint of an EPOS4, thousandths of the torque at the nominal current.
 const EPOS4_TORQUE: Object<i16> = Object::of(0x6071, 0);
 const EPOS4_NOMINAL_MA: Object<u32> = Object::of(0x3001, 1);
 
-/// A drive on a line.
 pub struct Node<'a, T> {
     pub link: &'a mut DriveLink<T>,
     pub axis: AxisConfig,
@@ -62,12 +58,10 @@ impl<'a, T: Transport> Node<'a, T> {
         Statusword(statusword).state().ok_or(AxisError::UnknownState(statusword))
     }
 
-    /// The error code of a fault; 0 without one.
     pub fn fault(&mut self) -> u16 {
         self.read(self.family.object_map().error_code).unwrap_or(0)
     }
 
-    /// The resolution of the commanded current, mA.
     pub fn current_unit_ma(&mut self) -> Result<f64, AxisError> {
         if self.is_epos2() {
             return Ok(1.0);

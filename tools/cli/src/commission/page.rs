@@ -1,9 +1,11 @@
 //! The final page: stages, findings with evidence, currents, exchanges, and the proposed
 //! configuration.
 
-use i2ris_report::{Axis, Color, Document, Figure, Mark, Panel, Stroke, Table};
+use std::fmt::Write as _;
 
-use super::proposal::change;
+use i2ris_report::{Axis, Color, Document, Figure, Mark, Panel, Stroke, Table};
+use serde::{Deserialize, Serialize};
+
 use super::record::{Outcome, Record};
 
 pub fn page(record: &Record, config_name: &str) -> Document {
@@ -19,7 +21,8 @@ pub fn page(record: &Record, config_name: &str) -> Document {
     }
     page.table(table);
     page.section("Findings");
-    let mut table = words("Unknowns", ["unknown", "where", "value", "evidence"]);
+    let table = Table::new("Unknowns", ["unknown", "where", "value", "evidence"]);
+    let mut table = (1..4).fold(table, Table::text_column);
     for it in record.all_findings() {
         table.row([it.topic.name().to_owned(), it.place, it.value, it.evidence]);
     }
@@ -42,10 +45,6 @@ pub fn page(record: &Record, config_name: &str) -> Document {
         record.software
     ));
     page
-}
-
-fn words<const N: usize>(caption: &str, header: [&str; N]) -> Table {
-    (1..N).fold(Table::new(caption, header), Table::text_column)
 }
 
 fn currents(page: &mut Document, record: &Record) {
@@ -87,13 +86,91 @@ fn exchanges(page: &mut Document, record: &Record) {
             heights.push(f64::from(count));
         }
         let edges: Vec<f64> = edges.iter().map(|us| us / 1000.0).collect();
-        Panel::new(device, Axis::linear("ms"), Axis::linear("exchanges")).with(Mark::steps(
-            &edges,
-            &heights,
-            Stroke::new(Color::BLUE, 1.5),
-        ))
+        let steps = Mark::steps(&edges, &heights, Stroke::new(Color::BLUE, 1.5));
+        Panel::new(device, Axis::linear("ms"), Axis::linear("exchanges")).with(steps)
     });
     let description = "Histogram of exchange durations, for every port";
     let figure = Figure::new("exchanges", "Exchanges", description).row(200.0, panels.collect());
     page.figure(figure, "Duration of a request and its reply.");
+}
+
+/// A key of a port, or of one of its axes, and its value.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Change {
+    pub port: usize,
+    pub axis: Option<usize>,
+    pub key: String,
+    pub value: String,
+}
+
+/// The changed text, and the differing lines in `diff` format; empty if nothing differs.
+pub fn change(text: &str, name: &str, changes: &[Change]) -> (String, String) {
+    let (mut port, mut axis) = (None, None);
+    let (mut new, mut out) = (String::new(), String::new());
+    let mut open: Vec<&Change> = changes.iter().collect();
+    for (number, line) in (1..).zip(text.lines()) {
+        let mut changed = line.to_owned();
+        match line.split('#').next().unwrap_or_default().trim() {
+            "[[ports]]" => (port, axis) = (Some(port.map_or(0, |it: usize| it + 1)), None),
+            "[[ports.axes]]" => axis = Some(axis.map_or(0, |it: usize| it + 1)),
+            rest => {
+                let key = rest.split('=').next().unwrap_or_default().trim();
+                let is_it =
+                    |it: &&Change| (Some(it.port), it.axis) == (port, axis) && it.key == key;
+                if let Some(found) = open.iter().position(is_it) {
+                    let Change { key, value, .. } = open.remove(found);
+                    let comment = line.find('#').and_then(|at| line.get(at..)).unwrap_or_default();
+                    changed = format!("{key} = {value} {comment}").trim_end().to_owned();
+                    let _ = writeln!(out, "@@ -{number} +{number} @@\n-{line}\n+{changed}");
+                }
+            }
+        }
+        new += &(changed + "\n");
+        // A missing key is added below the heading of its block.
+        let is_heading = line.trim_start().starts_with("[[ports");
+        let is_absent = |it: &&Change| is_heading && (Some(it.port), it.axis) == (port, axis);
+        let block = text.lines().skip(number).take_while(|line| !line.trim().starts_with('['));
+        let keys = block.filter_map(|line| line.split_once('=')).map(|(key, _)| key.trim());
+        let keys: Vec<&str> = keys.collect();
+        for Change { key, value, .. } in
+            open.extract_if(.., |it| is_absent(it) && !keys.contains(&&*it.key))
+        {
+            let _ = writeln!(out, "@@ -{number} +{number} @@\n+{key} = {value}");
+            let _ = writeln!(new, "{key} = {value}");
+        }
+    }
+    let head = format!("--- {name}\n+++ {name}, proposed\n");
+    (new, if out.is_empty() { out } else { head + &out })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changed_keys_of_ports_and_axes_are_diff_lines() {
+        let text = include_str!("../../../../config/robot.toml");
+        let of = |axis, key: &str, value: &str| {
+            let (key, value) = (key.to_owned(), value.to_owned());
+            Change { port: 0, axis, key, value }
+        };
+        let changes = [
+            of(None, "family", "\"epos4\""),
+            of(Some(1), "serial_number", "0x42"),
+            of(Some(2), "streaming", "\"profile\""),
+        ];
+        let (new, text) = change(text, "robot.toml", &changes);
+        let found: toml::Table = new.parse().unwrap();
+        assert_eq!(found["ports"][0]["axes"][1]["serial_number"].as_integer(), Some(0x42));
+        assert_eq!(found["ports"][0]["axes"][2]["streaming"].as_str(), Some("profile"));
+        for part in [
+            "-family = \"epos2\" # CHECK\n+family = \"epos4\" # CHECK\n",
+            "-serial_number = 0 # CHECK\n+serial_number = 0x42 # CHECK\n",
+            " @@\n+streaming = \"profile\"",
+        ] {
+            assert!(text.contains(part), "{text}");
+        }
+        assert_eq!(text.matches("\n-").count(), 2, "{text}");
+        assert_eq!(change("[[ports]]", "robot.toml", &[]).1, "");
+    }
 }

@@ -2,37 +2,26 @@
 
 use std::collections::BTreeMap;
 
-use i2ris::config::AxisConfig;
-use i2ris::drive::cia402::DriveState;
 use i2ris::drive::error::{DriveError, LinkError};
 use i2ris::drive::fingerprint::{differences, read_axes};
 use i2ris::drive::inspect::{Inspection, inspect_link};
-use i2ris::drive::latency_timer;
 use i2ris::drive::object::{self, Address};
-use i2ris::drive::survey::nodes_on;
-use i2ris::drive::transport::Transport;
-use i2ris::robot::DriveFingerprint;
-use i2ris::units::Nanos;
+use i2ris::drive::{cia402::DriveState, latency_timer, survey::nodes_on, transport::Transport};
+use i2ris::{config::AxisConfig, robot::DriveFingerprint, units::Nanos};
 
-use crate::doctor::drives::rename_axes;
-use crate::procedure::Gone;
-use crate::procedure::Halt;
-
-use super::proposal::Change;
+use super::page::Change;
 use super::record::{NOT_THERE, Record, Topic};
 use super::session::{Lines, OpenPort, Session, ms};
+use crate::doctor::drives::rename_axes;
+use crate::procedure::{Gone, Halt};
 
-/// Address of an object that no drive has.
 const NOWHERE: Address =
     Address { index: 0x5FFF, subindex: 0, size: 4, name: "an object that no drive has" };
 
 /// Fault of a drive without another node on CAN.
 pub const NO_CAN: u16 = 0x8120;
-
 /// Duration of an exchange above which the adapter delays replies.
 const HELD_BACK: Nanos = Nanos::from_millis(10);
-
-/// Width of a histogram bar, microseconds.
 pub const BAR_US: u32 = 50;
 
 pub fn identify<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> {
@@ -81,7 +70,6 @@ fn identity(seen: &Inspection) -> String {
     )
 }
 
-/// A drive that is not ready to be commissioned.
 fn state_problem(seen: &Inspection) -> Option<String> {
     let motor = seen.motor;
     match seen.state {
@@ -117,7 +105,6 @@ fn propose(record: &mut Record, port: usize, axis: Option<usize>, key: &str, val
     record.changes.push(Change { port, axis, key: key.to_owned(), value });
 }
 
-/// Proposes the serial numbers of drives that answer under the configured nodes.
 fn propose_serial_numbers<T: Transport>(
     port: &mut OpenPort<T>,
     number: usize,
@@ -140,11 +127,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
 }
 
-/// Finds the undocumented replies of the drives on a port.
-fn find_replies<T: Transport>(
-    port: &mut OpenPort<T>,
-    record: &mut Record,
-) -> Result<(), LinkError> {
+fn find_replies(port: &mut OpenPort<impl Transport>, record: &mut Record) -> Result<(), LinkError> {
     for (index, AxisConfig { motor, node_id, .. }) in port.config.axes.iter().enumerate() {
         let (link, place) = (&mut port.link, format!("motor {motor}"));
         if index == 0 {
@@ -185,11 +168,10 @@ pub fn settings<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> 
         for seen in seen.axes {
             let seen = seen?;
             let of_limit = |(object, wanted, found): &(Address, u32, u32)| {
+                let (motor, found, wanted) =
+                    (seen.motor, found.cast_signed(), wanted.cast_signed());
                 format!(
-                    "motor {}: {object} is {}; the controller writes {} at start-up",
-                    seen.motor,
-                    found.cast_signed(),
-                    wanted.cast_signed()
+                    "motor {motor}: {object} is {found}; the controller writes {wanted} at start-up"
                 )
             };
             lines.extend(seen.differences.iter().map(of_limit));

@@ -1,20 +1,16 @@
 //! The state so far, in a file of the folder: stages with their results, and findings with their
 //! evidence. An interrupted commissioning resumes from it.
 
-use std::collections::BTreeMap;
-use std::path::Path;
-use std::{fmt, fs};
+use std::{collections::BTreeMap, fmt, fs, path::Path};
 
 use i2ris::wall_clock;
-use i2ris_report::Failure;
-use i2ris_report::files;
+use i2ris_report::{Failure, files};
 use serde::{Deserialize, Serialize};
 
-use super::proposal::Change;
+use super::page::Change;
 
 pub const FILE: &str = "commission.json";
 
-/// The stages, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stage {
@@ -33,7 +29,6 @@ impl Stage {
         [Identify, Settings, Power, Steps, Gear, Exchanges, Stops]
     };
 
-    /// Announcement of what will happen and move, and how to stop it.
     pub fn announcement(self) -> &'static str {
         match self {
             Self::Identify => {
@@ -93,7 +88,6 @@ pub enum Outcome {
 pub struct StageRecord {
     pub stage: Stage,
     pub outcome: Outcome,
-    /// Local time of its end.
     pub at: String,
     pub text: String,
 }
@@ -145,11 +139,9 @@ impl Topic {
     }
 }
 
-/// A finding and its evidence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     pub topic: Topic,
-    /// A motor, or a port.
     pub place: String,
     pub value: String,
     pub evidence: String,
@@ -171,16 +163,13 @@ pub struct Sweep {
 pub struct Record {
     pub robot_id: String,
     pub software: String,
-    /// The configuration at the start.
     pub config: String,
     pub stages: Vec<StageRecord>,
     pub findings: Vec<Finding>,
-    /// Settings that differ from the configuration or the file of the drive.
     pub differences: Vec<String>,
     /// Histograms of the exchange duration per port, microseconds.
     pub exchanges: Vec<(String, Vec<(u32, u32)>)>,
     pub sweeps: Vec<Sweep>,
-    /// Current that turns a motor, mA, by place.
     #[serde(default)]
     pub frictions_ma: BTreeMap<String, f64>,
     pub changes: Vec<Change>,
@@ -205,17 +194,14 @@ impl Record {
         self.stages.iter().any(|it| it.stage == stage && it.outcome == Outcome::Done)
     }
 
-    /// Records the outcome of a stage. Later stages must be repeated.
     pub fn end_stage(&mut self, stage: Stage, outcome: Outcome, text: String) {
         let at = wall_clock::now().to_string();
         let goes_on = matches!(outcome, Outcome::Done | Outcome::Partly);
-        let is_valid = |it: &StageRecord| it.stage < stage || it.stage > stage && goes_on;
-        self.stages.retain(is_valid);
+        self.stages.retain(|it: &StageRecord| it.stage < stage || it.stage > stage && goes_on);
         self.stages.push(StageRecord { stage, outcome, at, text });
         self.stages.sort_by_key(|it| it.stage);
     }
 
-    /// Records a finding, replacing an earlier one.
     pub fn find(&mut self, topic: Topic, place: &str, value: &str, evidence: String) {
         self.findings.retain(|it| (it.topic, it.place.as_str()) != (topic, place));
         let (place, value) = (place.to_owned(), value.to_owned());
@@ -236,14 +222,12 @@ impl Record {
         format!("{done} of {} stages are done{}{again}.", Stage::ALL.len(), open.concat())
     }
 
-    /// Tests that a stage skipped, with their places.
     pub fn not_asked(&self, stage: Stage) -> Vec<String> {
         let is_of = |topic| Topic::ALL.iter().any(|it| (it.0, it.1) == (topic, stage));
         let open = self.findings.iter().filter(|it| it.value == NOT_ASKED && is_of(it.topic));
         open.map(|it| format!("{} ({})", it.topic.name(), it.place)).collect()
     }
 
-    /// All findings, including skipped ones with the reason.
     pub fn all_findings(&self) -> Vec<Finding> {
         let mut all = self.findings.clone();
         for (topic, stage, _) in Topic::ALL {

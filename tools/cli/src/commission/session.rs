@@ -1,28 +1,20 @@
-//! Shared state of the stages: ports, motors, operator and record.
+//! The sequence of the stages, each with a permission, none after a failed one; and their shared
+//! state: ports, motors, operator and record.
 
-use std::collections::BTreeMap;
-use std::path::Path;
-use std::rc::Rc;
-use std::{fs, mem};
+use std::{collections::BTreeMap, fs, mem, path::Path, rc::Rc};
 
 use i2ris::config::{AxisConfig, Config, PortConfig};
-use i2ris::drive::DriveError;
-use i2ris::drive::capture::file::to_bytes;
 use i2ris::drive::capture::{Capture, CapturedLine, CapturedPort};
-use i2ris::drive::error::AxisError;
-use i2ris::drive::family_selection::family_of_port;
-use i2ris::drive::link::DriveLink;
-use i2ris::drive::transport::Transport;
-use i2ris::robot::DriveFingerprint;
-use i2ris::units::Nanos;
-use i2ris::{clock, wall_clock};
+use i2ris::drive::{DriveError, capture::file::to_bytes, error::AxisError};
+use i2ris::drive::{family_selection::family_of_port, link::DriveLink, transport::Transport};
+use i2ris::{clock, robot::DriveFingerprint, units::Nanos, wall_clock};
 use i2ris_report::{Failure, files};
 
 use super::node::Node;
-use super::record::{Record, Stage, Topic};
+use super::record::{Outcome, Record, Stage, Topic};
 use super::watch::PowerCutReason;
-use crate::procedure::Halt;
-use crate::procedure::{Gone, Permission, Person};
+use super::{moving, reading, stopping};
+use crate::procedure::{Ended, Gone, Halt, Permission, Person, Place, Procedure, permission};
 
 /// Source of the lines, and of processes next to the commissioning.
 pub trait Lines {
@@ -55,17 +47,14 @@ impl From<DriveError> for Halt {
     }
 }
 
-/// A port with its line.
 pub struct OpenPort<T> {
     pub config: PortConfig,
     pub link: DriveLink<CapturedLine<T>>,
     pub capture: Capture,
 }
 
-/// Called after a stage with the record and the captured bytes.
 pub type Keep<'a> = dyn FnMut(&Record, Stage, &[CapturedPort]) -> Result<(), Failure> + 'a;
 
-/// A motor, for a stage.
 pub struct Motor<'a, T> {
     pub place: String,
     pub node: Node<'a, CapturedLine<T>>,
@@ -75,12 +64,10 @@ pub struct Motor<'a, T> {
 }
 
 impl<T> Motor<'_, T> {
-    /// Records a finding.
     pub fn find(&mut self, topic: Topic, value: &str, evidence: String) {
         self.record.find(topic, &self.place, value, evidence);
     }
 
-    /// Records why a test was skipped.
     pub fn skip(&mut self, topic: Topic, why: &str) {
         self.record.skip(topic, &self.place, why);
     }
@@ -93,11 +80,8 @@ pub struct Session<'a, L: Lines> {
     pub interrupted: Rc<dyn Fn() -> bool>,
     pub record: Record,
     pub ports: Vec<OpenPort<L::Line>>,
-    /// Expected drive settings.
     pub device: Option<DriveFingerprint>,
-    /// Number of exchanges for the histogram.
     pub exchanges: usize,
-    /// First position of each motor.
     pub origins: BTreeMap<usize, Option<i32>>,
     pub keep: &'a mut Keep<'a>,
     /// Captured bytes of lines closed since, and the time up to which they are complete.
@@ -106,12 +90,10 @@ pub struct Session<'a, L: Lines> {
 }
 
 impl<L: Lines> Session<'_, L> {
-    /// Closes every port, keeping its captured bytes.
     pub fn close(&mut self) {
         self.closed.extend(self.ports.drain(..).map(|port| port.capture.read()));
     }
 
-    /// Bytes captured since the last call.
     pub fn take_captured(&mut self) -> Vec<CapturedPort> {
         let mut all = mem::take(&mut self.closed);
         all.extend(self.ports.iter().map(|port| port.capture.read()));
@@ -121,7 +103,6 @@ impl<L: Lines> Session<'_, L> {
         all
     }
 
-    /// Opens every port, for this program only.
     pub fn open(&mut self) -> Result<(), DriveError> {
         for (number, config) in self.config.ports.iter().enumerate() {
             let line = self.lines.open(number, config)?;
@@ -132,7 +113,6 @@ impl<L: Lines> Session<'_, L> {
         Ok(())
     }
 
-    /// Runs `stage` for every motor in turn.
     pub fn each_motor(
         &mut self,
         yes: &Permission,
@@ -162,7 +142,6 @@ impl<L: Lines> Session<'_, L> {
     }
 }
 
-/// Writes the record, and the bytes of a stage, into the folder.
 pub fn keep(
     folder: &Path,
     record: &Record,
@@ -180,7 +159,76 @@ pub fn keep(
     Ok(files::write(&path, to_bytes(captured, &record.software, wall_offset))?)
 }
 
-/// Milliseconds for readers.
 pub fn ms(span: Nanos) -> String {
     format!("{:.1} ms", span.as_seconds() * 1e3)
+}
+
+impl<L: Lines> Procedure for Session<'_, L> {
+    type Stage = Stage;
+
+    fn stages(&self) -> &'static [Stage] {
+        &Stage::ALL
+    }
+
+    fn title(&self, at: &Place<Stage>) -> String {
+        format!("stage {}", at.stage)
+    }
+
+    fn is_done(&self, stage: Stage) -> bool {
+        // Drives may have been replaced.
+        stage != Stage::Identify && self.record.is_done(stage)
+    }
+
+    fn say(&mut self, line: &str) -> Result<(), Failure> {
+        self.person.say(line);
+        Ok(())
+    }
+
+    fn perform(&mut self, at: &Place<Stage>) -> Result<Ended, Halt> {
+        let Place { stage, number, of, .. } = *at;
+        let what = format!("== {number} of {of}: {stage}\n{}", stage.announcement());
+        let yes = permission(self.person, &what, "yes", "any other input ends the run")?;
+        // Not a failure of anything.
+        let yes = yes.ok_or(Gone::NotPermitted)?;
+        if self.ports.is_empty() {
+            self.open()?;
+        }
+        let text = match stage {
+            Stage::Identify => reading::identify(self),
+            Stage::Settings => reading::settings(self),
+            Stage::Power => self.each_motor(&yes, moving::power),
+            Stage::Steps => self.each_motor(&yes, moving::steps),
+            Stage::Gear => self.each_motor(&yes, moving::gear),
+            Stage::Exchanges => reading::exchanges(self),
+            Stage::Stops => stopping::stops(self),
+        }?;
+        Ok(match &self.record.not_asked(stage)[..] {
+            [] => Ended::Done(text),
+            open => Ended::Doubtful(format!("not asked: {}; {text}", open.join(", "))),
+        })
+    }
+
+    fn conclude(&mut self, at: &Place<Stage>, ended: Result<Ended, Halt>) -> Result<(), Failure> {
+        let (stage, title) = (at.stage, self.title(at));
+        let (outcome, text) = match ended {
+            Ok(Ended::Done(text)) => (Outcome::Done, text),
+            Ok(Ended::Doubtful(text)) => (Outcome::Partly, text),
+            Err(Halt::Failed(failure)) => (Outcome::Failed, failure.to_string()),
+            Err(Halt::Gone(gone)) => (Outcome::Left, gone.to_string()),
+        };
+        self.record.end_stage(stage, outcome, text.clone());
+        let captured = self.take_captured();
+        (self.keep)(&self.record, stage, &captured)?;
+        let again = "run the same command";
+        match outcome {
+            Outcome::Done => self.say(&format!("{title}: done. {text}")),
+            Outcome::Partly => {
+                self.say(&format!("{title}: done in part, {again} for the rest. {text}"))
+            }
+            Outcome::Failed => Err(format!("{title} failed: {text}").into()),
+            Outcome::Left => {
+                Err(format!("{title}: {text}; the drives are off; {again} to resume").into())
+            }
+        }
+    }
 }

@@ -1,9 +1,7 @@
 //! The stops: what happens when the cable is pulled, the controller is killed, or the supply is
 //! switched. Each test is done by hand, with a separate permission, and timed.
 
-use i2ris::drive::cia402::DriveState;
-use i2ris::drive::error::AxisError;
-use i2ris::drive::transport::Transport;
+use i2ris::drive::{cia402::DriveState, transport::Transport};
 use i2ris::units::Nanos;
 use i2ris_report::bail;
 
@@ -13,16 +11,11 @@ use super::reading::NO_CAN;
 use super::record::Topic;
 use super::session::{Lines, Motor, Session, ms};
 use super::watch::{Permit, PowerCutReason};
-use crate::procedure::Halt;
-use crate::procedure::{Gone, Permission, permission};
+use crate::procedure::{Gone, Halt, Permission, permission};
 
-/// Time that a drive holds with power, waiting for the operator.
 const PATIENCE: Nanos = Nanos::from_millis(30_000);
-/// Time limit for a line to return.
 const AWAY: Nanos = Nanos::from_millis(120_000);
-/// Period of reconnection attempts.
 const POLL: Nanos = Nanos::from_millis(20);
-/// Current that holds a motor at rest, mA.
 const HOLDING_MA: u32 = 20;
 
 pub fn stops<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> {
@@ -102,11 +95,9 @@ fn supply<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     motor.find(Topic::PowerUp, &boot, evidence.to_owned());
     off(motor)?;
     match (has_power, outage.code) {
-        (true, _) => {
-            bail!(
-                "its power stage is on after its supply was switched off and on: it must stay off"
-            )
-        }
+        (true, _) => bail!(
+            "its power stage is on after its supply was switched off and on: it must stay off"
+        ),
         (false, 0 | NO_CAN) => Ok(()),
         (false, code) => {
             let fault = motor.node.family.fault(code);
@@ -124,8 +115,7 @@ fn times(outage: &Outage) -> String {
     )
 }
 
-/// Holds until the operator has acted, then waits until the drive answers again. `None`: the
-/// operator did not act.
+/// Holds until the operator has acted (`None`: did not), then until the drive answers again.
 fn outage<T: Transport>(
     motor: &mut Motor<'_, T>,
     yes: &Permission,
@@ -150,13 +140,13 @@ fn outage<T: Transport>(
         // Earlier requests are no longer answered.
         let answers = (!node.link.is_broken() || node.link.reopen().is_ok())
             && node.link.synchronise().is_ok();
-        match node.state() {
-            Ok(state) if answers && state != DriveState::NotReady => {
-                let code = if state == DriveState::Fault { node.fault() } else { 0 };
-                let back = node.link.now() - good;
-                return Ok(Some(Outage { noticed: noticed - good, back, state, code }));
-            }
-            Err(AxisError::UnknownState(_)) | Ok(_) | Err(_) => {}
+        if let Ok(state) = node.state()
+            && answers
+            && state != DriveState::NotReady
+        {
+            let code = if state == DriveState::Fault { node.fault() } else { 0 };
+            let back = node.link.now() - good;
+            return Ok(Some(Outage { noticed: noticed - good, back, state, code }));
         }
         if (node.is_interrupted)() || node.link.now() > end {
             bail!("it no longer answers. THE DRIVE MAY STILL BE ON: cut its supply");
@@ -166,7 +156,6 @@ fn outage<T: Transport>(
     }
 }
 
-/// Switches off a drive that may have power, and acknowledges a fault.
 fn off<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     let node = &mut motor.node;
     node.cut()?;
@@ -178,10 +167,10 @@ fn controller<L: Lines>(session: &mut Session<'_, L>) -> Result<(), Halt> {
     let what = "THE CONTROLLER: i2ris-watchdog and i2ris-control start with this configuration. \
                 The controller makes the present pose the zero, switches every drive on, holds \
                 for 2 s, and is killed. The watchdog must stop every drive. Nothing moves.";
-    let Some(_) = permission(session.person, what, "kill", OTHERWISE)? else {
+    if permission(session.person, what, "kill", OTHERWISE)?.is_none() {
         session.record.skip(Topic::ControllerKilled, "all", "it was not permitted");
         return Ok(());
-    };
+    }
     session.close();
     let killed = session.lines.kill_controller();
     session.open()?;
@@ -200,8 +189,7 @@ fn controller<L: Lines>(session: &mut Session<'_, L>) -> Result<(), Halt> {
         Ok(log) => format!("{log}; then the drives reported {states:?}"),
         Err(failure) => bail!("killing a controller: {failure}"),
     };
-    let is_stopped = |state: &DriveState| *state != DriveState::OperationEnabled;
-    let all = states.iter().all(is_stopped);
+    let all = states.iter().all(|state| *state != DriveState::OperationEnabled);
     let value = if all { "every drive is stopped by the watchdog" } else { "NOT STOPPED" };
     session.record.find(Topic::ControllerKilled, "all", value, evidence);
     if !all {

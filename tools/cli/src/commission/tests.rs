@@ -2,19 +2,13 @@
 //! all lines, with healthy and wrong benches. Judged at the emulated motors, not by the output of
 //! the commissioning.
 
-use std::cell::Cell;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
-use std::thread;
+use std::{cell::Cell, collections::BTreeMap, rc::Rc, thread};
 
 use i2ris::config::{AxisConfig, Config, Family, PortConfig};
-use i2ris::drive::DriveError;
-use i2ris::drive::cia402::Controlword;
-use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::link::{DriveLink, Retry};
-use i2ris::drive::object::CONTROLWORD;
-use i2ris::drive::transport::Transport;
+use i2ris::drive::{DriveError, cia402::Controlword, family_selection::family_of_port};
+use i2ris::drive::{object::CONTROLWORD, transport::Transport};
 use i2ris::units::{Counts, Nanos};
 use i2ris_report::Failure;
 use i2ris_simulation::drive::{self, DeviceFile, DriveConfig};
@@ -26,8 +20,7 @@ use rand_pcg::Pcg64Mcg;
 use super::page::page;
 use super::record::{NOT_ASKED, Record, Topic};
 use super::session::{Lines, Session};
-use crate::procedure::Procedure;
-use crate::procedure::{Gone, Person};
+use crate::procedure::{Gone, Person, Procedure};
 
 const TURN: f64 = 1024.0;
 const LINES: [Line; 3] = [Line::Lab, Line::UsbEach, Line::Rs232];
@@ -66,7 +59,6 @@ struct Case {
     /// Gear play, counts; 0: nothing is coupled.
     play: u32,
     wrong: Option<Wrong>,
-    /// The faulty motor.
     bad: usize,
     seed: u64,
 }
@@ -144,7 +136,6 @@ impl Case {
         config
     }
 
-    /// Expected finding; `None`: a reason for skipping is expected.
     fn truth(&self, topic: Topic, motor: usize) -> Option<String> {
         let either = |bit, yes: &str, no: &str| if self.is(bit) { yes } else { no }.to_owned();
         let is_epos2 = self.family == Family::Epos2;
@@ -181,11 +172,9 @@ impl Lines for BenchLines {
     }
 }
 
-/// An operator at the bench who follows the prompts, and a judge.
 struct Operator {
     case: Case,
     bench: Bench,
-    /// Questions until the operator leaves.
     patience: Option<usize>,
     interrupted: Rc<Cell<bool>>,
     few: bool,
@@ -193,7 +182,6 @@ struct Operator {
 }
 
 impl Operator {
-    /// Checks how far each motor went from its place.
     fn judge(&self) {
         let case = self.case;
         for motor in 0..case.motors() {
@@ -336,7 +324,6 @@ fn commission(case: Case) -> (Result<(), String>, Record) {
     (outcome, record)
 }
 
-/// Every finding is right, and every missing one has a reason.
 fn check_findings(case: Case, record: &Record, is_whole: bool) {
     for (topic, ..) in Topic::ALL {
         let mut found = record.findings.iter().filter(|it| it.topic == topic).peekable();
@@ -387,7 +374,6 @@ fn run(case: Case) {
     assert!(html.contains("Proposed configuration") && html.ends_with("</html>\n"), "{html}");
 }
 
-/// Final output on a bench with this fault, on the laboratory's line.
 pub fn output_of(bench: &str) -> String {
     let wrong = match bench {
         "encoder has no object for its pulses" => Wrong::NoPulses,

@@ -3,9 +3,7 @@
 //! A [`Permit`] results from a typed [`Permission`], and [`Watch`] judges the readings of the drive
 //! while it has power. No I/O, no clock.
 
-use i2ris::drive::cia402::DriveState;
-use i2ris::drive::error::AxisError;
-use i2ris::units::Nanos;
+use i2ris::{drive::cia402::DriveState, drive::error::AxisError, units::Nanos};
 
 use crate::procedure::Permission;
 
@@ -15,13 +13,10 @@ pub const FEW: i32 = 20;
 const TOGGLE: i32 = 2;
 /// Distance that counts as arrived, counts: friction prevents an exact stop.
 pub const NEAR: i32 = 3;
-/// Maximum time without progress towards the place, and maximum time of current without encoder
-/// counts.
+/// Maximum time without progress towards the place, and of current without encoder counts.
 pub const SILENT: Nanos = Nanos::from_millis(50);
-/// Maximum time with power on.
 pub const MAX_POWERED_TIME: Nanos = Nanos::from_millis(60_000);
 
-/// Motion permitted by the operator.
 #[derive(Debug, Clone, Copy)]
 pub struct Permit {
     pub(super) most: i32,
@@ -70,17 +65,14 @@ pub enum PowerCutReason {
     NotOff(Box<Self>),
 }
 
-/// Reading of a drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Seen {
     pub at: Nanos,
-    /// Counts from the origin.
     pub counts: i32,
     pub current_ma: i32,
     pub state: DriveState,
 }
 
-/// Supervision of a powered drive.
 #[derive(Debug, Clone)]
 pub struct Watch {
     pub most: i32,
@@ -120,21 +112,17 @@ mod tests {
 
     #[test]
     fn readings_are_judged_by_counts_current_progress_and_time() {
-        let seen = |ms: u64, counts, current_ma| Seen {
-            at: Nanos::from_millis(ms),
-            counts,
-            current_ma,
-            state: DriveState::OperationEnabled,
+        let seen = |ms: u64, counts, current_ma| {
+            let (at, state) = (Nanos::from_millis(ms), DriveState::OperationEnabled);
+            Seen { at, counts, current_ma, state }
         };
         let watch = Watch { most: FEW, most_ma: 30, begin: Nanos::ZERO, sent: None };
         let judged = |sent, it| Watch { sent, ..watch.clone() }.judge(it);
         assert_eq!(judged(None, seen(1, -20, 60)), Ok(()));
         let beyond = PowerCutReason::Beyond { counts: -21, most: 20 };
         assert_eq!(judged(None, seen(1, -21, 0)), Err(beyond));
-        assert_eq!(
-            judged(None, seen(1, 0, -61)),
-            Err(PowerCutReason::Current { ma: -61, most: 30 })
-        );
+        let current = PowerCutReason::Current { ma: -61, most: 30 };
+        assert_eq!(judged(None, seen(1, 0, -61)), Err(current));
         assert_eq!(judged(None, seen(60_001, 0, 0)), Err(PowerCutReason::TooLong));
         let mut moving = Watch { sent: Some((12, i32::MAX, Nanos::ZERO)), ..watch.clone() };
         for (ms, counts) in [(1, 0), (51, 0), (52, 1), (100, 1), (103, 9), (900, 9)] {
@@ -144,9 +132,7 @@ mod tests {
         let sent = Some((12, i32::MAX, Nanos::ZERO));
         let mut stuck = Watch { sent, ..watch };
         assert_eq!(stuck.judge(seen(1, 4, 0)), Ok(()));
-        assert_eq!(
-            stuck.judge(seen(52, 4, 0)),
-            Err(PowerCutReason::NoCounts { counts: 4, goal: 12 })
-        );
+        let no_counts = PowerCutReason::NoCounts { counts: 4, goal: 12 };
+        assert_eq!(stuck.judge(seen(52, 4, 0)), Err(no_counts));
     }
 }
