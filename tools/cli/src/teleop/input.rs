@@ -4,15 +4,10 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use i2ris::clock;
-use i2ris::units::Nanos;
+use i2ris::{clock, units::Nanos};
 use i2ris_report::{Failure, Interrupt, Screen, bail, until_closed};
-use i2ris_teleop::device::Device;
-use i2ris_teleop::evdev_decoder::restamp;
-use i2ris_teleop::finder;
 use i2ris_teleop::learning::{self, QUESTIONS, Snapshot};
-use i2ris_teleop::recording;
-use i2ris_teleop::state::Protocol;
+use i2ris_teleop::{device::Device, evdev_decoder::restamp, finder, recording, state::Protocol};
 
 use super::profiles;
 use crate::numbers::seconds;
@@ -101,8 +96,8 @@ fn test(mut device: Device, interrupt: &Interrupt) -> Result<(), Failure> {
             next = next + DRAW;
             let (_, state) = device.parts();
             let axes = state.axes().map(|(axis, value)| format!("{axis} {value}"));
-            let mut events: Vec<_> = axes.collect();
-            events.extend(state.pressed().map(|key| format!("{key} pressed")));
+            let pressed = state.pressed().map(|key| format!("{key} pressed"));
+            let events: Vec<_> = axes.chain(pressed).collect();
             if !until_closed(screen.draw(&[events.join("  ")]))? {
                 break;
             }
@@ -182,9 +177,8 @@ fn learn(mut device: Device, output: &Path) -> Result<(), Failure> {
     let profile = learning::profile(device.description(), &answers)?;
     let text = toml::to_string(&profile)?;
     let named = |error: io::Error| format!("{}: {error}", output.display());
-    { File::create_new(output) }
-        .and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(named)?;
+    let mut file = File::create_new(output).map_err(named)?;
+    file.write_all(text.as_bytes()).map_err(named)?;
     let output = output.display();
     until_closed(screen.say(&format!("{output}; use it with `i2ris teleop --profile {output}`")))?;
     Ok(())

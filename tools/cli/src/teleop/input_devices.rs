@@ -1,23 +1,22 @@
-//! Input devices: found, opened, read together, and found again after a loss.
+//! Input devices: found, opened, read together, and found again after a loss. Their pulses near
+//! limits are the same beats as the sound of the operator's page, and never a command.
 
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fs, os::fd::AsFd};
 
-use i2ris::clock;
-use i2ris::units::Nanos;
-use i2ris_report::{Failure, bail};
-use i2ris_teleop::clutch::Clutch;
+use i2ris::ipc::client::{Client, ClientError, Latest};
+use i2ris::ipc::payload::{JointState, OperatingStateMsg, VirtualFixturesMsg};
+use i2ris::{clock, ipc::Domain, units::Nanos};
+use i2ris_report::view::{LatestMessages, View};
+use i2ris_report::{Failure, bail, model_poller::ModelPoller};
 use i2ris_teleop::control::{Control, Fault, Reading};
-use i2ris_teleop::device::Device;
 use i2ris_teleop::finder::{self, Found, known, reopen, scan};
-use i2ris_teleop::identity::Identity;
 use i2ris_teleop::profile::{Handedness, Profile};
-use i2ris_teleop::state::Protocol;
+use i2ris_teleop::{clutch::Clutch, device::Device, identity::Identity, state::Protocol};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
-use super::source::{HandRequest, Source, SourceLost};
+use super::{HandRequest, Source, SourceLost};
 
-/// Search period for a lost device.
 const SEARCH: Nanos = Nanos::from_millis(500);
 
 /// Profiles of these files, then the shipped ones.
@@ -46,7 +45,6 @@ struct Part {
     next_search: Nanos,
 }
 
-/// All input devices in use.
 pub(super) struct InputDevices {
     parts: Vec<Part>,
     clutch: Clutch,
@@ -95,7 +93,8 @@ fn only_known(found: &[Found], profiles: &[Profile]) -> Result<Vec<PathBuf>, Fai
     let list = found.iter().map(|found| format!("\n  {}", finder::line(found, profiles)));
     let list = list.collect::<String>();
     let has_reports = |product| {
-        found.iter().filter_map(|found| found.description.as_ref().ok()).any(|device| {
+        let mut devices = found.iter().filter_map(|found| found.description.as_ref().ok());
+        devices.any(|device| {
             device.protocol == Protocol::SpaceMouse && device.identity.product_id() == product
         })
     };
@@ -145,11 +144,8 @@ impl Part {
         })
     }
 
-    /// The reading, and a message to print.
     fn read(&mut self, now: Nanos) -> (Reading, Option<String>) {
-        let Some(device) = &mut self.device else {
-            return (gone(), self.search(now));
-        };
+        let Some(device) = &mut self.device else { return (gone(), self.search(now)) };
         if let Err(error) = device.read(now, |_| {}) {
             self.device = None;
             self.next_search = now + SEARCH;
@@ -194,9 +190,8 @@ impl Source for InputDevices {
 
     fn wait(&mut self, until: Nanos) {
         let devices = self.parts.iter().filter_map(|part| part.device.as_ref());
-        let mut ready: Vec<_> = devices
-            .map(|device| PollFd::new(std::os::fd::AsFd::as_fd(device), PollFlags::POLLIN))
-            .collect();
+        let waiting = |device| PollFd::new(Device::as_fd(device), PollFlags::POLLIN);
+        let mut ready: Vec<_> = devices.map(waiting).collect();
         // Events are sent at once; a resolution of milliseconds suffices for the period.
         let span = until.duration_since(clock::now()).0.div_ceil(1_000_000);
         let span = u16::try_from(span).unwrap_or(u16::MAX);
@@ -220,10 +215,58 @@ impl Source for InputDevices {
     }
 }
 
+const LOOK: Nanos = Nanos::from_millis(100);
+
+pub(super) struct Pulses {
+    measured: Latest<JointState>,
+    state: Latest<OperatingStateMsg>,
+    fixtures: Latest<VirtualFixturesMsg>,
+    models: ModelPoller,
+    last: Nanos,
+    looked: Nanos,
+}
+
+impl Pulses {
+    pub fn new(client: &Client, domain: &Domain) -> Self {
+        let watcher = client.watcher();
+        let models = ModelPoller::start(domain);
+        models.poll_now();
+        Self {
+            measured: Latest::new(watcher.measured_js()),
+            state: Latest::new(watcher.operating_state()),
+            fixtures: Latest::new(watcher.virtual_fixtures()),
+            models,
+            last: Nanos::ZERO,
+            looked: Nanos::ZERO,
+        }
+    }
+
+    pub fn due(&mut self, now: Nanos) -> Result<bool, ClientError> {
+        if now.duration_since(self.looked) < LOOK {
+            return Ok(false);
+        }
+        self.looked = now;
+        let messages = LatestMessages {
+            measured: self.measured.refresh()?.copied(),
+            state: self.state.refresh()?.copied(),
+            fixtures: self.fixtures.refresh()?.copied(),
+            ..LatestMessages::default()
+        };
+        let cue = View::new(&messages, now).cue(&self.models.known().outline.points);
+        let due = cue.is_some_and(|cue| now.duration_since(self.last) >= cue.beat());
+        if due {
+            self.last = now;
+        }
+        Ok(due)
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use i2ris::ipc::FixtureKind;
     use i2ris_teleop::space_mouse;
     use i2ris_teleop::state::{Description, Range};
+    use i2ris_testing::{Controller, wait_until};
 
     use super::*;
 
@@ -270,5 +313,36 @@ mod tests {
         assert_eq!(chosen("SpaceMouse"), Ok(vec![pad, pedal.clone()]));
         assert_eq!(chosen("DualSense"), Ok(vec!["/dev/hidraw2".into(), pedal]));
         assert!(chosen("").unwrap_err().starts_with("more than one known device is plugged in"));
+    }
+
+    #[test]
+    fn pulses_are_faster_nearer_to_a_fixture() {
+        let controller = Controller::enabled();
+        let mut fixtures = VirtualFixturesMsg { active: 1, ..VirtualFixturesMsg::default() };
+        fixtures.kind[0] = FixtureKind::Circle.number();
+        // It ends 5.73 deg from the middle.
+        fixtures.values[0][..3].copy_from_slice(&[0.0, 0.2, 0.1]);
+        controller.robot().fixtures = Some(fixtures);
+        let client = Client::connect(&controller.domain, Nanos::from_millis(10_000)).unwrap();
+        let mut pulses = Pulses::new(&client, &controller.domain);
+        wait_until("the fixture", || pulses.fixtures.refresh().unwrap().is_some());
+        let beat = |pulses: &mut Pulses, yaw_deg: f64| {
+            controller.robot().pose = [0.0, yaw_deg];
+            wait_until("the snake is there", || {
+                let measured = pulses.measured.refresh().unwrap();
+                measured.is_some_and(|it| (it.position[1].to_degrees() - yaw_deg).abs() < 0.01)
+            });
+            // Backdates the last pulse, so that the test need not wait for a beat.
+            let due_after = |pulses: &mut Pulses, wait_ms: u64| {
+                let now = clock::now();
+                (pulses.looked, pulses.last) = (Nanos::ZERO, now - Nanos::from_millis(wait_ms));
+                pulses.due(now).unwrap()
+            };
+            (1..=10).map(|step| 100 * step).find(|wait_ms| due_after(pulses, *wait_ms))
+        };
+        // 0.1 s when it touches, 1 s from 3 deg away.
+        assert_eq!(beat(&mut pulses, 5.7), Some(100));
+        assert_eq!(beat(&mut pulses, 4.0), Some(700));
+        assert_eq!(beat(&mut pulses, 0.0), None);
     }
 }

@@ -9,12 +9,11 @@ use std::os::fd::AsFd;
 
 use i2ris::units::Nanos;
 use i2ris_report::{Failure, bail};
+use i2ris_teleop::clutch::Open;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::termios::{OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr};
 
-use i2ris_teleop::clutch::Open;
-
-use super::source::{HandRequest, Source, SourceLost};
+use super::{HandRequest, Source, SourceLost};
 
 /// Longer than a keyboard's repeat delay (250 to 660 ms), short enough for an absent operator.
 const DEAD_MAN: Nanos = Nanos::from_millis(1000);
@@ -22,7 +21,6 @@ const DEAD_MAN: Nanos = Nanos::from_millis(1000);
 const AT_ONCE: usize = 4096;
 
 /// The keyboard, in raw mode until dropped.
-#[derive(Debug)]
 pub(super) struct Keyboard {
     keys: Keys,
     terminal: Stdin,
@@ -68,8 +66,7 @@ impl Drop for Keyboard {
 impl Source for Keyboard {
     fn read(&mut self, now: Nanos) -> Result<HandRequest, SourceLost> {
         let mut input = HandRequest::default();
-        let bytes = self.bytes().map_err(SourceLost)?;
-        for key in keys(&bytes) {
+        for key in keys(&self.bytes().map_err(SourceLost)?) {
             self.keys.press(key, now, &mut input);
         }
         input.hand.open = Keys::open(self.keys.engaged(now));
@@ -95,7 +92,6 @@ enum Key {
     Other,
 }
 
-/// The keys that a terminal reports with these bytes.
 fn keys(mut bytes: &[u8]) -> Vec<Key> {
     const ESCAPE: u8 = 0x1b;
     const CONTROL_C: u8 = 3;
@@ -138,7 +134,6 @@ fn arrow(sequence: &[u8]) -> Key {
     }
 }
 
-/// The meaning of keys over time.
 #[derive(Debug, Default)]
 struct Keys {
     /// When the last key came, while the clutch is closed.

@@ -1,22 +1,16 @@
 //! Measures the orientation of the camera image by two small motions.
 
-use i2ris::clock;
-use i2ris::ipc::Message;
 use i2ris::ipc::client::{Client, Commander, Latest};
-use i2ris::ipc::payload::ExternalPosition;
-use i2ris::realtime::Ticker;
-use i2ris::units::Nanos;
+use i2ris::{clock, ipc::Message, ipc::payload::ExternalPosition, realtime::Ticker, units::Nanos};
 use i2ris_report::{Failure, Interrupt, bail};
 use i2ris_teleop::view::{SeenMotion, View};
 
 use crate::command::stream::present_pose;
 use crate::command::trajectory::Angles;
 
-/// Motion of each axis to both sides.
 const MOTION_DEG: f64 = 1.0;
 const SPEED_DEG_S: f64 = 2.0;
 const PERIOD: Nanos = Nanos::from_millis(5);
-/// Rest of the snake before the camera is read.
 const REST: Nanos = Nanos::from_millis(500);
 const LOOK: Nanos = Nanos::from_millis(1000);
 const MIN_FRAMES: usize = 5;
@@ -33,12 +27,9 @@ struct Seen {
 /// Both ends of a motion are reached from the same side, so that backlash is not mistaken for a
 /// rotation.
 pub fn measure(client: &Client, interrupt: &Interrupt) -> Result<View, Failure> {
-    let mut mover = Mover {
-        commander: client.commander(),
-        camera: Latest::new(client.watcher().external()),
-        pose: present_pose(client)?,
-        interrupt,
-    };
+    let (commander, camera) = (client.commander(), Latest::new(client.watcher().external()));
+    let pose = present_pose(client)?;
+    let mut mover = Mover { commander, camera, pose, interrupt };
     let start = mover.pose;
     let mut motion = |axis: usize| -> Result<SeenMotion, Failure> {
         let at = |by_deg: f64| {
@@ -70,7 +61,6 @@ struct Mover<'a> {
 }
 
 impl Mover<'_> {
-    /// Moves straight to a pose.
     fn go(&mut self, to: Angles) -> Result<(), Failure> {
         let from = self.pose;
         let distance = (to[0] - from[0]).hypot(to[1] - from[1]);
@@ -93,19 +83,16 @@ impl Mover<'_> {
         Ok(())
     }
 
-    /// Holds still and reads the camera.
     fn look(&mut self, client: &Client) -> Result<Seen, Failure> {
         let start = clock::now();
         let mut ticker = Ticker::new(start + PERIOD, PERIOD, Nanos::ZERO);
         let (mut frames, mut last): (Vec<[f64; 2]>, _) = (Vec::new(), Nanos::ZERO);
         loop {
-            let now = ticker.wait().started;
-            if now.duration_since(start) > REST + LOOK {
+            if ticker.wait().started.duration_since(start) > REST + LOOK {
                 break;
             }
             self.send()?;
-            let newest = self.camera.refresh()?.copied();
-            if let Some(frame) = newest
+            if let Some(frame) = self.camera.refresh()?.copied()
                 && frame.flags & ExternalPosition::VALID != 0
                 && frame.count == 2
                 && frame.stamp() > last.max(start + REST)
@@ -126,9 +113,8 @@ impl Mover<'_> {
             );
         }
         let mean = [0, 1].map(|axis| frames.iter().map(|frame| frame[axis]).sum::<f64>() / count);
-        let squares = |axis: usize| {
-            frames.iter().map(|frame| (frame[axis] - mean[axis]).powi(2)).sum::<f64>()
-        };
+        let square = |frame: &[f64; 2], axis: usize| (frame[axis] - mean[axis]).powi(2);
+        let squares = |axis: usize| frames.iter().map(|frame| square(frame, axis)).sum::<f64>();
         let variance = squares(0).max(squares(1)) / (count - 1.0) / count;
         Ok(Seen { mean, variance, setpoint: present_pose(client)? })
     }

@@ -10,46 +10,36 @@ mod input_devices;
 mod keyboard;
 mod measure;
 mod options;
-mod pulse;
-mod source;
 mod task;
 
-use i2ris::clock;
 use i2ris::ipc::client::{Announcer, Client, Commander, Latest};
 use i2ris::ipc::payload::{JointState, OperatingStateMsg, TeleopMsg, padded_text};
 use i2ris::ipc::{Domain, StateCommand};
-use i2ris::units::Nanos;
-use i2ris_report::stop::stop;
-use i2ris_report::{Failure, Interrupt};
-use i2ris_teleop::clutch::Open;
+use i2ris::{clock, units::Nanos};
+use i2ris_report::{Failure, Interrupt, stop::stop};
+use i2ris_teleop::clutch::{Hand, Open};
 use i2ris_teleop::master::{Master, MasterCommand, Mode, Motion};
 use i2ris_teleop::view::View;
+use nix::errno::Errno;
 
 use crate::command::name_holder;
 use crate::command::prepare::prepare;
-use crate::command::stream::Progress;
-use crate::command::stream::{present_pose, two_angles};
+use crate::command::stream::{Progress, present_pose, two_angles};
 use crate::command::stream_monitor::StreamMonitor;
 use crate::command::tracking::ClipMonitor;
+use input_devices::{Pulses, profiles};
 use options::{CameraOrientation, HandOptions};
-use pulse::Pulses;
-use source::{HandRequest, Source};
 use task::{HandTask, TaskOptions};
-
-use input_devices::profiles;
 
 /// Longest delay of a command to the control loop: a few ticks.
 const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
-/// Minimum period of commands, even if the device reports faster.
 const MIN_PERIOD: Nanos = Nanos::from_millis(1);
-/// Period of publishing the hand's state to monitors.
 const PUBLISH_PERIOD: Nanos = Nanos::from_millis(50);
 /// Warning if the controller would mistake rotated image axes for pitch and yaw.
 const ROTATED_CAMERA: &str = "warning: the camera reports angles in image axes, but the controller \
          compares them with pitch and yaw and will stop; set limits.plausibility_deg to 0, or \
          state axis, reversed and turn_deg of every view in the setup of `i2ris vision`";
 
-/// Arguments of `i2ris teleop`.
 #[derive(Debug, clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -102,16 +92,14 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     steer(&domain, &hand, task.as_ref()).map_err(|failure| name_holder(failure, &domain))
 }
 
-/// Commands the snake until the operator or the system ends it, or the controller stops following.
-/// Then the snake holds and the lease is free.
+/// Commands the snake to the end. Then the snake holds and the lease is free.
 fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Result<(), Failure> {
     let (client, interrupt) =
         (&mut crate::command::prepare::connect(domain)?, &Interrupt::catch()?);
     let settings = hand.settings(task.is_some());
     let mut source = hand.source(task.is_some())?;
     let state = prepare(client, hand.prepare, interrupt)?;
-    let monitor = StreamMonitor::new(client.id(), &state, clock::now());
-    let mut progress = Progress::new(monitor);
+    let mut progress = Progress::new(StreamMonitor::new(client.id(), &state, clock::now()));
     let is_measured = hand.view == CameraOrientation::Measured;
     let view = if let CameraOrientation::Typed { rotation_deg, is_mirrored } = hand.view {
         View::typed(rotation_deg, is_mirrored)
@@ -148,8 +136,9 @@ fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Res
     teleoperation.progress.say(&source.help())?;
     teleoperation.progress.say(&format!("the view: {view}"))?;
     let outcome = teleoperation.run(client, source.as_mut());
-    // Open the clutch first, while the lease is still valid.
-    let held = teleoperation.hold();
+    // Open the clutch first, while the lease is valid: the snake stops now, not at the deadline.
+    let command = teleoperation.master.hold();
+    let held = teleoperation.send(&command);
     if teleoperation.is_stopped {
         teleoperation.progress.say(&stop(client, domain)?.text)?;
     }
@@ -160,7 +149,7 @@ fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Res
     held?;
     released?;
     if let Some(task) = &teleoperation.task {
-        teleoperation.progress.say(&task.summary())?;
+        teleoperation.progress.say(&task.course.summary())?;
     }
     Ok(())
 }
@@ -172,7 +161,6 @@ struct Teleoperation<'a> {
     mode: Mode,
     view: View,
     scales: Vec<f64>,
-    /// Index of the selected scale.
     scale: usize,
     progress: Progress,
     is_measured: bool,
@@ -181,15 +169,12 @@ struct Teleoperation<'a> {
     published: (Nanos, Option<Open>),
     /// Arrival of the newest event, and the command that it led to.
     event: (Nanos, u64),
-    /// Pulses at limits, if enabled.
     pulses: Option<Pulses>,
-    /// Time of the newest mark request.
     marked: Nanos,
     commander: Commander,
     setpoint: Latest<JointState>,
     goal: Latest<JointState>,
     clips: ClipMonitor,
-    /// The key that stops every client was pressed.
     is_stopped: bool,
     task: Option<HandTask>,
 }
@@ -232,7 +217,7 @@ impl Teleoperation<'_> {
                 if let Some(outcome) = task.update(now, request.hand.open.is_none())? {
                     self.progress.say(&outcome)?;
                 }
-                if task.is_finished() {
+                if task.course.is_finished() {
                     break;
                 }
             }
@@ -247,13 +232,9 @@ impl Teleoperation<'_> {
     fn command(&mut self, request: &HandRequest, step_s: f64) -> Result<MasterCommand, Failure> {
         self.scale = (self.scale + request.hand.scale_steps as usize) % self.scales.len();
         let snake = self.setpoint.refresh()?.map(two_angles).transpose()?;
-        let motion = Motion {
-            engaged: request.hand.open.is_none(),
-            push: self.view.joints(request.hand.push),
-            steps: self.view.joints(request.steps),
-            scale: self.scales[self.scale],
-        };
-        Ok(self.master.update(&motion, snake, step_s))
+        let (engaged, scale) = (request.hand.open.is_none(), self.scales[self.scale]);
+        let [push, steps] = [request.hand.push, request.steps].map(|it| self.view.joints(it));
+        Ok(self.master.update(&Motion { engaged, push, steps, scale }, snake, step_s))
     }
 
     /// Returns the number of the command. Its stamp is the present time, not that of the event: the
@@ -263,7 +244,6 @@ impl Teleoperation<'_> {
         Ok(self.commander.servo_jp(&command.pose.map(f64::to_radians))?)
     }
 
-    /// Publishes the hand's state for monitors and recorders.
     fn publish(&mut self, request: &HandRequest, now: Nanos) -> Result<(), Failure> {
         if request.hand.marks > 0 {
             self.marked = request.hand.newest.unwrap_or(now);
@@ -290,12 +270,6 @@ impl Teleoperation<'_> {
         })?;
         Ok(())
     }
-
-    /// Opens the clutch: the snake stops now instead of at the deadline.
-    fn hold(&mut self) -> Result<(), Failure> {
-        let command = self.master.hold();
-        self.send(&command).map(drop)
-    }
 }
 
 fn line(
@@ -308,7 +282,7 @@ fn line(
     // Within 80 columns: a wrapped line cannot be overwritten.
     if let Some(task) = task {
         let clutch = if command.clutch_open { "HOLDS" } else { "FOLLOWS" };
-        return format!("{clutch}; {}", task.line(now));
+        return format!("{clutch}; {}", task.course.line(now));
     }
     let [pitch, yaw] = command.pose;
     match request.hand.open {
@@ -319,3 +293,32 @@ fn line(
         ),
     }
 }
+
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct HandRequest {
+    pub hand: Hand,
+    /// Key presses since the last call, right and up in the image.
+    pub steps: [f64; 2],
+    pub quit: bool,
+    /// Stop the robot, whichever client commands it, and quit.
+    pub stop: bool,
+}
+
+pub(super) trait Source {
+    /// The present request. Never waits.
+    fn read(&mut self, now: Nanos) -> Result<HandRequest, SourceLost>;
+    /// Waits until there is a new event, or until `until`.
+    fn wait(&mut self, until: Nanos) {
+        clock::sleep_until(until);
+    }
+    fn pulse(&mut self) {}
+    fn news(&mut self) -> Option<String> {
+        None
+    }
+    /// Usage, in one line.
+    fn help(&self) -> String;
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("the terminal is gone ({0}); the snake holds")]
+pub struct SourceLost(pub Errno);

@@ -6,9 +6,9 @@ use i2ris_report::{DomainOption, Failure};
 use i2ris_teleop::master::{Mode, Settings};
 use i2ris_teleop::profile::Handedness;
 
+use super::Source;
 use super::input_devices::InputDevices;
 use super::keyboard::Keyboard;
-use super::source::Source;
 use crate::command::prepare::PrepareOptions;
 use crate::numbers::{finite, positive, rate, within};
 
@@ -67,7 +67,6 @@ pub(super) struct HandOptions {
     pub view: CameraOrientation,
 }
 
-/// Orientation of the camera image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum CameraOrientation {
     Measured,
@@ -110,14 +109,12 @@ fn view(text: &str) -> Result<CameraOrientation, String> {
     if text == "measure" {
         return Ok(CameraOrientation::Measured);
     }
-    let (deg, is_mirrored) = match text.strip_suffix("mirror") {
-        Some(deg) => (deg.trim_end_matches(','), true),
-        None => (text, false),
-    };
+    let mirrored = text.strip_suffix("mirror").map(|deg| deg.trim_end_matches(','));
+    let (deg, is_mirrored) = (mirrored.unwrap_or(text), mirrored.is_some());
     let rotation_deg = if deg.is_empty() && is_mirrored { Ok(0.0) } else { finite(deg) };
-    rotation_deg
-        .map(|rotation_deg| CameraOrientation::Typed { rotation_deg, is_mirrored })
-        .map_err(|_| "must be DEG, DEG,mirror, mirror or measure".to_owned())
+    let typed =
+        rotation_deg.map(|rotation_deg| CameraOrientation::Typed { rotation_deg, is_mirrored });
+    typed.map_err(|_| "must be DEG, DEG,mirror, mirror or measure".to_owned())
 }
 
 fn share(text: &str) -> Result<f64, String> {

@@ -5,8 +5,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
-use i2ris::ipc::payload::ReachTarget;
-use i2ris::units::Nanos;
+use i2ris::{ipc::payload::ReachTarget, units::Nanos};
 use i2ris_report::statistics::root_mean_square;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -19,7 +18,6 @@ const FREQUENCIES_HZ: [[f64; 4]; 2] = [[0.05, 0.11, 0.19, 0.29], [0.07, 0.13, 0.
 /// Radius of the circle that a monitor draws, deg. Nothing depends on it.
 const DRAWN_DEG: f64 = 0.5;
 
-/// Target position over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
     centre: Angles,
@@ -57,28 +55,19 @@ impl Curve {
     }
 }
 
-#[derive(Debug)]
 pub struct Follow {
     curve: Curve,
     length: Nanos,
-    /// Time when the clutch first closed.
     began: Option<Nanos>,
     is_finished: bool,
     last_seen: Option<Nanos>,
-    /// Distances from the target after the run-in, deg.
     away_deg: Vec<f64>,
 }
 
 impl Follow {
     pub fn new(curve: Curve, length: Nanos) -> Self {
-        Self {
-            curve,
-            length,
-            began: None,
-            is_finished: false,
-            last_seen: None,
-            away_deg: Vec::new(),
-        }
+        let (began, is_finished, last_seen, away_deg) = (None, false, None, Vec::new());
+        Self { curve, length, began, is_finished, last_seen, away_deg }
     }
 
     fn distance(&self, began: Nanos, (stamp, seen): (Nanos, Angles)) -> f64 {

@@ -8,36 +8,31 @@
 mod follow;
 mod reach;
 
-use i2ris::ipc::Message;
 use i2ris::ipc::client::{Announcer, Client, Latest};
 use i2ris::ipc::payload::{ExternalPosition, JointState, ReachTarget};
-use i2ris::units::Nanos;
-use i2ris_report::Failure;
-use i2ris_report::exit::Coded;
+use i2ris::{ipc::Message, units::Nanos};
+use i2ris_report::{Failure, exit::Coded};
 
 use crate::command::trajectory::Angles;
 use crate::numbers::{finite, pair, positive};
 use follow::{Curve, Follow};
-use reach::{Disc, Reach, Settings, seeded_targets};
+use reach::{Reach, Settings, seeded_targets};
 
-/// Age at which camera angles are ignored.
 const CAMERA_STALE: Nanos = Nanos::from_millis(500);
 const PUBLISH_PERIOD: Nanos = Nanos::from_millis(50);
 /// Publishing period of a moving target: between two messages, its path is taken as straight.
 const MOVING_PERIOD: Nanos = Nanos::from_millis(10);
 
-/// New angles of the snake, deg, with their stamp.
-type Seen = Option<(Nanos, Angles)>;
+pub type Seen = Option<(Nanos, Angles)>;
 
 /// The course of a task. Pure: time and angles are arguments.
-trait Course {
+pub trait Course {
     fn is_finished(&self) -> bool;
 
     /// Adds new angles, and returns the last message of a target that ends now. A task begins when
     /// the clutch first closes, so that waiting costs no time.
     fn update(&mut self, now: Nanos, is_engaged: bool, seen: Seen) -> Option<ReachTarget>;
 
-    /// Message of the present target; `None`: no target is shown.
     fn message(&self, now: Nanos) -> Option<ReachTarget>;
 
     /// Instruction for the operator, within 70 columns.
@@ -90,10 +85,9 @@ pub struct TaskOptions {
 }
 
 impl TaskOptions {
-    /// Refuses options that the task does not have.
     pub fn check(&self) -> Result<(), Failure> {
-        let of_reach =
-            self.targets.is_some() || self.hold_s.is_some() || self.tolerance_deg.is_some();
+        let Self { targets, hold_s, tolerance_deg, .. } = self;
+        let of_reach = targets.is_some() || hold_s.is_some() || tolerance_deg.is_some();
         let of_area = self.range_deg.is_some() || self.seed.is_some();
         let sentence = match self.task {
             Task::HoldStill if of_reach || of_area => {
@@ -114,13 +108,11 @@ impl TaskOptions {
         let (duration, seed) = (seconds(self.duration_s.unwrap_or(usual_s)), seed.unwrap_or(1));
         let curve = match task {
             Task::Reach => {
-                let settings = Settings {
-                    tolerance_deg: tolerance_deg.unwrap_or(0.15),
-                    hold: seconds(hold_s.unwrap_or(1.0)),
-                    limit: duration,
-                };
-                let (number, disc) = (targets.unwrap_or(10), Disc { centre, range_deg });
-                let targets = seeded_targets(number as usize, seed, disc);
+                let (tolerance_deg, hold) =
+                    (tolerance_deg.unwrap_or(0.15), seconds(hold_s.unwrap_or(1.0)));
+                let settings = Settings { tolerance_deg, hold, limit: duration };
+                let number = targets.unwrap_or(10) as usize;
+                let targets = seeded_targets(number, seed, centre, range_deg);
                 return (Box::new(Reach::new(targets, settings)), PUBLISH_PERIOD);
             }
             Task::Pursuit => Curve::seeded(centre, range_deg, seed),
@@ -131,7 +123,7 @@ impl TaskOptions {
 }
 
 pub struct HandTask {
-    course: Box<dyn Course>,
+    pub course: Box<dyn Course>,
     period: Nanos,
     publisher: Announcer<ReachTarget>,
     camera: Latest<ExternalPosition>,
@@ -141,7 +133,6 @@ pub struct HandTask {
 }
 
 impl HandTask {
-    /// Creates a task, which begins when the clutch first closes.
     pub fn new(options: &TaskOptions, client: &Client) -> Self {
         let (course, period) = options.course();
         Self {
@@ -155,12 +146,7 @@ impl HandTask {
         }
     }
 
-    pub fn is_finished(&self) -> bool {
-        self.course.is_finished()
-    }
-
-    /// Updates the pose of the snake, and publishes the target when a message is due. Returns a
-    /// line when a target has ended.
+    /// Publishes the target when a message is due. Returns a line when a target has ended.
     pub fn update(&mut self, now: Nanos, is_engaged: bool) -> Result<Option<String>, Failure> {
         let seen = self.observe(now)?;
         if let Some(ended) = self.course.update(now, is_engaged, seen) {
@@ -183,25 +169,14 @@ impl HandTask {
         Ok(self.publisher.publish(target)?)
     }
 
-    pub fn line(&self, now: Nanos) -> String {
-        self.course.line(now)
-    }
-
-    pub fn summary(&self) -> String {
-        self.course.summary()
-    }
-
-    /// The angles of the camera, or of the estimate.
     fn observe(&mut self, now: Nanos) -> Result<Seen, Failure> {
         let seen = self.camera.refresh()?.copied().filter(|camera| {
-            camera.flags & ExternalPosition::VALID != 0
-                && camera.count == 2
-                && camera.age(now) <= CAMERA_STALE
+            let is_valid = camera.flags & ExternalPosition::VALID != 0 && camera.count == 2;
+            is_valid && camera.age(now) <= CAMERA_STALE
         });
         let estimate = self.measured.refresh()?.copied().filter(|joint| {
-            joint.flags & JointState::VALID != 0
-                && joint.count == 2
-                && joint.age(now) <= CAMERA_STALE
+            let is_valid = joint.flags & JointState::VALID != 0 && joint.count == 2;
+            is_valid && joint.age(now) <= CAMERA_STALE
         });
         // A silent camera shows nothing; the estimate does not replace it.
         self.by_camera |= seen.is_some();

@@ -1,11 +1,9 @@
 //! Targets one after the other: each is held when the mean of the last 200 ms has been within the
 //! tolerance for the whole time.
 
-use std::collections::VecDeque;
-use std::f64::consts::TAU;
+use std::{collections::VecDeque, f64::consts::TAU};
 
-use i2ris::ipc::payload::ReachTarget;
-use i2ris::units::Nanos;
+use i2ris::{ipc::payload::ReachTarget, units::Nanos};
 use i2ris_report::statistics::{distance, quantile_of_unsorted};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -18,7 +16,6 @@ const WINDOW: Nanos = Nanos::from_millis(200);
 
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Settings {
-    /// Distance within which a target is reached, deg.
     pub tolerance_deg: f64,
     pub hold: Nanos,
     pub limit: Nanos,
@@ -29,12 +26,9 @@ pub struct Reach {
     targets: Vec<Angles>,
     settings: Settings,
     index: usize,
-    /// Time when the present target was shown; `None` before the first.
     shown: Option<Nanos>,
     window: VecDeque<(Nanos, Angles)>,
-    /// Time since which the mean is within the tolerance.
     within: Option<Nanos>,
-    /// Times of the targets that were held, s.
     held_s: Vec<f64>,
 }
 
@@ -119,10 +113,9 @@ impl Course for Reach {
         let (Some(target), true) = (self.targets.get(self.index), self.shown.is_some()) else {
             return format!("{} targets; close the clutch to begin", self.targets.len());
         };
-        let away = self.mean().map_or_else(
-            || "unknown".to_owned(),
-            |[pitch, yaw]| format!("{:+.2} {:+.2}", target[0] - pitch, target[1] - yaw),
-        );
+        let away =
+            self.mean().map(|at| format!("{:+.2} {:+.2}", target[0] - at[0], target[1] - at[1]));
+        let away = away.unwrap_or_else(|| "unknown".to_owned());
         format!(
             "target {} of {}: to go {away} deg (pitch, yaw), held {:.1} of {:.1} s",
             self.index + 1,
@@ -157,24 +150,17 @@ impl Course for Reach {
     }
 }
 
-#[derive(Debug, Clone, Copy)]
-pub struct Disc {
-    pub centre: Angles,
-    pub range_deg: f64,
-}
-
-/// Targets evenly distributed over a disc, each at least half of the radius from the
-/// previous one.
-pub fn seeded_targets(number: usize, seed: u64, disc: Disc) -> Vec<Angles> {
+/// Targets evenly distributed over a disc, each at least half the radius from the previous one.
+pub fn seeded_targets(number: usize, seed: u64, centre: Angles, range_deg: f64) -> Vec<Angles> {
     let mut random = Pcg64::seed_from_u64(seed);
-    let mut last = disc.centre;
+    let mut last = centre;
     let next = |_| {
         loop {
             let (sin, cos) = random.random_range(0.0..TAU).sin_cos();
-            let radius = disc.range_deg * random.random_range(0.0_f64..1.0).sqrt();
-            let target = [disc.centre[0] + radius * cos, disc.centre[1] + radius * sin];
+            let radius = range_deg * random.random_range(0.0_f64..1.0).sqrt();
+            let target = [centre[0] + radius * cos, centre[1] + radius * sin];
             // More than half of the disc is that far away from any of its points.
-            if distance(&target, &last) >= 0.5 * disc.range_deg {
+            if distance(&target, &last) >= 0.5 * range_deg {
                 last = target;
                 return target;
             }
@@ -201,8 +187,7 @@ mod tests {
 
     /// Keeps the snake at a place, 100 samples a second; the messages of targets that ended.
     fn stay(task: &mut Reach, at: Angles, from_ms: u64, to_ms: u64) -> Vec<(u64, ReachTarget)> {
-        let times = (from_ms..to_ms).step_by(10);
-        let seen = times.filter_map(|ms| {
+        let seen = (from_ms..to_ms).step_by(10).filter_map(|ms| {
             let now = Nanos::from_millis(ms);
             Some((ms, task.update(now, true, Some((now, at)))?))
         });
@@ -228,14 +213,11 @@ mod tests {
         assert_eq!((ms, message.number, message.total), (1010, 1, 2));
         assert_eq!(message.flags, ReachTarget::ENDED | ReachTarget::HELD);
         assert!(message.held_ns >= message.hold_ns);
-        assert_eq!(
-            task.outcome(&message, Nanos::from_millis(1010)),
-            "target 1 of 2: held after 1.01 s"
-        );
+        let outcome = task.outcome(&message, Nanos::from_millis(1010));
+        assert_eq!(outcome, "target 1 of 2: held after 1.01 s");
         let next = task.message(Nanos::from_millis(1100)).unwrap();
         assert_eq!((next.number, next.shown_ns), (2, Nanos::from_millis(1010).0));
-        let ended = stay(&mut task, [0.0, 2.0], 1100, 4000);
-        assert_eq!(ended.len(), 1);
+        assert_eq!(stay(&mut task, [0.0, 2.0], 1100, 4000).len(), 1);
         assert!(task.is_finished() && task.summary().starts_with("2 of 2 targets held"));
     }
 
@@ -257,9 +239,8 @@ mod tests {
             ended.extend(task.update(Nanos::from_millis(ms), true, None));
         }
         assert_eq!((ended.len(), ended[0].flags), (1, ReachTarget::ENDED));
-        assert!(
-            task.outcome(&ended[0], Nanos::from_millis(10_000)).ends_with("not held within 10 s")
-        );
+        let outcome = task.outcome(&ended[0], Nanos::from_millis(10_000));
+        assert!(outcome.ends_with("not held within 10 s"));
     }
 
     proptest! {
@@ -267,10 +248,10 @@ mod tests {
         fn targets_are_in_the_disc_and_apart_and_reproducible(
             seed in any::<u64>(), range_deg in 0.5..20.0_f64, pitch in -5.0..5.0_f64,
         ) {
-            let disc = Disc { centre: [pitch, 1.0], range_deg };
-            let targets = seeded_targets(20, seed, disc);
-            prop_assert_eq!(&targets, &seeded_targets(20, seed, disc));
-            let is_inside = targets.iter().all(|at| distance(at, &disc.centre) < range_deg + 1e-9);
+            let centre = [pitch, 1.0];
+            let targets = seeded_targets(20, seed, centre, range_deg);
+            prop_assert_eq!(&targets, &seeded_targets(20, seed, centre, range_deg));
+            let is_inside = targets.iter().all(|at| distance(at, &centre) < range_deg + 1e-9);
             let mut steps = targets.windows(2).map(|pair| distance(&pair[0], &pair[1]));
             prop_assert!(is_inside && steps.all(|step| step >= 0.5 * range_deg));
         }
