@@ -15,7 +15,6 @@ const MAX_CLOCK_STEP_S: f64 = 2.0;
 const CAMERA_LATE_S: std::ops::RangeInclusive<f64> = -0.005..=0.5;
 const MIN_FRAMES_PER_S: f64 = 8.0;
 const MIN_SEEN_SHARE: f64 = 0.8;
-/// Maximum scatter of a frame at rest, deg.
 const MAX_SCATTER_DEG: f64 = 0.2;
 /// Maximum lag of the encoders, s, in addition to the line latency of writing.
 const LATEST_FOLLOW_S: f64 = 0.015;
@@ -42,9 +41,7 @@ const ALIKE: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 const EVEN: f64 = 0.15;
 /// Maximum gain from one motor to the other's axis.
 const MAX_CROSS_GAIN: f64 = 0.22;
-/// Maximum lost motion beyond the model, counts.
 const MAX_LOST_COUNTS: f64 = 60.0;
-/// Maximum offset between camera and model, deg.
 const MAX_OFFSET_DEG: f64 = 1.0;
 
 const SWAPPED: &str = "move one motor (`i2ris command motor 0 20`) to find what is swapped (motor \
@@ -61,23 +58,17 @@ const STRAIGHTEN: &str = "straighten the snake, then `i2ris home`; if it is off 
                           coupling of that motor";
 const STAMPS: &str = "stamp frames at the exposure, with the monotonic clock of this computer";
 
-/// The measurements to judge.
 #[derive(Debug, Clone)]
 pub struct Measured {
-    /// Drive settings that differ from those of the calibration.
     pub drive_differences: Vec<String>,
     /// Age of the model's recording, days; `None`: unknown.
     pub model_days: Option<f64>,
-    /// Controller starts with this model.
     pub model_runs: usize,
     pub is_memory_known: bool,
     pub is_homed: bool,
-    /// Motor positions, counts.
     pub counts: [i32; 2],
-    /// For each port: device, median age of the positions, and the greatest age to expect of the
-    /// line, s.
+    /// For each port: device, median age of the positions, s, and the greatest to expect.
     pub lines: Vec<(String, [f64; 2])>,
-    /// `None`: no camera publishes.
     pub camera: Option<CameraFacts>,
     /// Free space for records, MB; `None`: the folder is missing or not writable.
     pub free_mb: Option<f64>,
@@ -92,9 +83,7 @@ pub struct Measured {
 #[derive(Debug, Clone, Copy)]
 pub struct CameraFacts {
     pub frames_per_s: f64,
-    /// Share of the frames with angles.
     pub seen: f64,
-    /// Median time from stamp to arrival, s.
     pub late_s: f64,
     /// Scatter of a frame at rest, deg; 0 only if all frames are identical.
     pub scatter_deg: f64,
@@ -111,10 +100,8 @@ impl CameraFacts {
     }
 }
 
-/// Outcome of the motion.
 #[derive(Debug, Clone)]
 pub enum Swing {
-    /// No motion: reason and remedy.
     None([String; 2]),
     /// Stopped: camera and goal relative to the start, deg.
     TooFar([Pair; 2]),
@@ -174,23 +161,17 @@ fn judge_computer(measured: &Measured, report: &mut Report) {
     let found = free.map_or("no writable folder for records".to_owned(), |free| {
         format!("{free:.0} MB free for records")
     });
-    check(
-        report,
-        "disk",
-        free >= Some(MIN_FREE_MB),
-        found,
-        "free some space, or choose another record_folder",
-    );
+    let fix = "free some space, or choose another record_folder";
+    check(report, "disk", free >= Some(MIN_FREE_MB), found, fix);
     let step_s = measured.clock_step_s;
     let found = format!("the wall clock was changed by {step_s:+.0} s after the controller start");
     let fix = "restart the controller, so that all its logs use one time base";
     check(report, "clock", step_s.abs() <= MAX_CLOCK_STEP_S, found, fix);
     for (device, ages_s) in &measured.lines {
         let [age, longest] = ages_s.map(|age| age * 1e3);
-        let found =
-            format!("{device}: positions are {age:.0} ms old; at most {longest:.0} expected");
+        let ages = format!("positions are {age:.0} ms old; at most {longest:.0} expected");
         let fix = "check the latency timer of its adapter: `i2ris doctor`";
-        check(report, "line", age <= longest, found, fix);
+        check(report, "line", age <= longest, format!("{device}: {ages}"), fix);
     }
     let [requested, granted] = measured.priority;
     if granted < requested {
@@ -218,14 +199,11 @@ fn judge_robot(measured: &Measured, report: &mut Report) {
         let found = format!("changed since the calibration: {first}, and {} more", more.len());
         report.fail("drive gains", found, "restore them (`i2ris doctor drives`), or calibrate");
     }
-    let found = match measured.is_homed {
-        true => format!("motors at {first} and {second} counts from the zero"),
-        false => "unknown".to_owned(),
-    };
+    let place = format!("motors at {first} and {second} counts from the zero");
+    let found = if measured.is_homed { place } else { "unknown".to_owned() };
     check(report, "zero", measured.is_homed, found, "straighten the snake, then `i2ris home`");
 }
 
-/// Whether the camera data can be compared.
 fn judge_camera(measured: &Measured, report: &mut Report) -> bool {
     let Some(camera) = measured.camera else {
         report.warn("camera", "no camera publishes", CAMERA);
@@ -254,14 +232,11 @@ fn judge_camera(measured: &Measured, report: &mut Report) -> bool {
 fn describe(Motion { seen, follow_s, .. }: &Motion) -> String {
     let follow = format!("encoders {:.0} ms behind", follow_s * 1e3);
     seen.as_ref().map_or(follow.clone(), |seen| {
-        let (offset, width) = (seen.offset_deg, seen.width_deg.abs());
+        let (offset, width, late_ms) = (seen.offset_deg, seen.width_deg.abs(), seen.late_s * 1e3);
         format!(
-            "offset {:+.2} {:+.2} deg, loop {:.2} {:.2} deg wide, camera {:.0} ms late, {follow}",
-            offset[0],
-            offset[1],
-            width[0],
-            width[1],
-            seen.late_s * 1e3
+            "offset {:+.2} {:+.2} deg, loop {:.2} {:.2} deg wide, camera {late_ms:.0} ms late, \
+             {follow}",
+            offset[0], offset[1], width[0], width[1]
         )
     })
 }
@@ -271,10 +246,10 @@ fn judge_follow(motion: &Motion, line_s: f64, report: &mut Report) -> bool {
     let latest_s = LATEST_FOLLOW_S + line_s;
     let is_right = *followed >= MIN_FOLLOWED_SHARE && follow_s.abs() <= latest_s;
     if !is_right {
+        let (behind_ms, share) = (follow_s * 1e3, 100.0 * followed);
         let found = format!(
-            "the encoders are {:.0} ms behind the setpoints, and show {:.0} % of their motion",
-            follow_s * 1e3,
-            100.0 * followed
+            "the encoders are {behind_ms:.0} ms behind the setpoints, and show {share:.0} % of \
+             their motion"
         );
         let fix = "compare the drive settings (`i2ris doctor drives`), then tune them";
         report.fail("drive gains", found, fix);
@@ -300,8 +275,7 @@ fn judge_motion(motion: &Motion, line_s: f64, report: &mut Report) -> bool {
     fault.is_some()
 }
 
-/// Whether a camera of this scale would explain the readings. It also causes an offset,
-/// proportional to the pose.
+/// Whether a camera of this scale, with an offset proportional to the pose, explains it all.
 fn is_scaled(seen: &Seen, scale: f64) -> bool {
     let (place, offset) = (seen.place_deg, seen.offset_deg);
     if place.norm() < FAR_DEG {
@@ -320,17 +294,15 @@ fn fault(seen: &Seen) -> Option<(&'static str, String, &'static str)> {
     let (gain, lost) = (seen.gain, seen.lost_counts);
     let (motors, cross) = (gain.diagonal(), gain[(0, 1)].abs().max(gain[(1, 0)].abs()));
     let (low, high, scale) = (motors.min(), motors.max(), motors.mean());
-    let shown = format!(
-        "gain relative to the model: {:.2} with motor 0, {:.2} with motor 1",
-        motors[0], motors[1]
-    );
+    let [first, second] = [motors[0], motors[1]];
+    let shown =
+        format!("gain relative to the model: {first:.2} with motor 0, {second:.2} with motor 1");
     if motors.amax().max(cross) < MIN_GAIN {
         let found = format!("the motors turn, but the snake hardly moves: {shown}");
         return Some(("gear", found, LOOSE));
     }
     if cross > motors.amax() || low < -0.3 {
-        let found = format!("swapped, or turning the other way: {shown}");
-        return Some(("motors", found, SWAPPED));
+        return Some(("motors", format!("swapped, or turning the other way: {shown}"), SWAPPED));
     }
     if high - low < EVEN * scale && cross < EVEN * scale && is_scaled(seen, scale) {
         let found = format!("both axes show {scale:.2} times the motion of the model");

@@ -19,7 +19,6 @@ pub type Pair = Vector2<f64>;
 const HALF_SWING_DEG: f64 = 0.5;
 /// Maximum distance from the start, independent of the model, deg.
 pub const FARTHEST_DEG: f64 = 1.9;
-
 /// Duration and number of turns: slow ones, the first of which only sets the memory, and fast ones.
 const SLOW_S: f64 = 4.0;
 const SLOW_TURNS: f64 = 2.0;
@@ -27,11 +26,8 @@ const FAST_S: f64 = 1.6;
 const FAST_TURNS: f64 = 3.0;
 const AXIS_S: f64 = SLOW_S * SLOW_TURNS + FAST_S * FAST_TURNS;
 pub const LENGTH_S: f64 = 2.0 * AXIS_S;
-
-/// Minimum number of frames for the swing of an axis.
 const MIN_FRAMES: usize = 20;
 
-/// The goal over time.
 #[derive(Debug, Clone, Copy)]
 pub struct Plan {
     /// Pitch and yaw, deg.
@@ -87,7 +83,6 @@ pub enum Series {
 
 type Sample = (Vector4<f64>, Pair);
 
-/// A fit: the factors of the terms.
 #[derive(Debug, Clone, Copy)]
 struct Fit(Matrix4x2<f64>);
 
@@ -97,8 +92,8 @@ impl Fit {
         let mut fit = Self(Matrix4x2::zeros());
         let mut most = f64::INFINITY;
         for _ in 0..4 {
-            let kept: Vec<&Sample> =
-                samples.iter().filter(|sample| fit.off(sample) <= most).collect();
+            let kept = samples.iter().filter(|sample| fit.off(sample) <= most);
+            let kept: Vec<&Sample> = kept.collect();
             let products: Matrix4<f64> = kept.iter().map(|(at, _)| at * at.transpose()).sum();
             let values: Matrix4x2<f64> = kept.iter().map(|(at, seen)| at * seen.transpose()).sum();
             fit = Self(products.lu().solve(&values).filter(|_| kept.len() >= MIN_FRAMES)?);
@@ -117,18 +112,14 @@ impl Fit {
     }
 }
 
-/// Collects readings while the goal moves.
-#[derive(Debug)]
 pub struct Observer {
     plan: Plan,
-    /// Samples by moving axis and series.
     samples: [[Vec<Sample>; 4]; 2],
     /// Camera readings of the first three frames, and of the last three, deg.
     first: Vec<Pair>,
     recent: [Pair; 3],
     seen: usize,
-    /// Farthest camera position from the start, as a median of three frames, and the goal at that
-    /// time, from the start, deg.
+    /// Farthest median of three camera frames, and the goal at that time, from the start, deg.
     pub farthest: [Pair; 2],
 }
 
@@ -138,12 +129,10 @@ impl Observer {
         Self { plan, samples, first, recent, seen: 0, farthest }
     }
 
-    /// Whether the camera saw the snake beyond the permitted distance.
     pub fn is_too_far(&self) -> bool {
         self.farthest[0].norm() > FARTHEST_DEG
     }
 
-    /// Adds a reading at a time from the beginning of the motion.
     pub fn see(&mut self, series: Series, time_s: f64, value: Pair) {
         if series == Series::Camera && time_s > 0.0 {
             self.note_place(time_s, value);
@@ -161,12 +150,12 @@ impl Observer {
         self.seen += 1;
         if self.seen >= 3 {
             let middle = |frames: &[Pair], axis: usize| {
-                median(&mut frames.iter().map(|frame| frame[axis]).collect::<Vec<_>>())
-                    .unwrap_or(0.0)
+                let mut at: Vec<f64> = frames.iter().map(|frame| frame[axis]).collect();
+                median(&mut at).unwrap_or(0.0)
             };
-            let away =
-                [0, 1].map(|axis| middle(&self.recent, axis) - middle(&self.first, axis)).into();
-            if Pair::norm(&away) > self.farthest[0].norm() {
+            let moved = |axis: usize| middle(&self.recent, axis) - middle(&self.first, axis);
+            let away: Pair = [0, 1].map(moved).into();
+            if away.norm() > self.farthest[0].norm() {
                 self.farthest = [away, self.plan.goal(time_s) - self.plan.start];
             }
         }
@@ -175,9 +164,8 @@ impl Observer {
     /// Evaluates the whole motion; `None`: too few samples of motors or model.
     pub fn finish(&self) -> Option<Motion> {
         let fits = |series: Series| {
-            let [pitch, yaw] =
-                [0, 1].map(|axis: usize| Fit::new(&self.samples[axis][series as usize]));
-            Some([pitch?, yaw?])
+            let of = |axis: usize| Fit::new(&self.samples[axis][series as usize]);
+            Some([of(0)?, of(1)?])
         };
         let [estimate, setpoint, encoder] =
             [Series::Estimate, Series::Setpoint, Series::Encoder].map(fits);
@@ -199,16 +187,11 @@ pub struct Motion {
 pub struct Seen {
     /// Observed motion per motion of each motor: the unit matrix if the model is right.
     pub gain: Matrix2<f64>,
-    /// Pose by the model, deg.
     pub place_deg: Pair,
-    /// Camera minus model, deg, and counts.
     pub offset_deg: Pair,
     pub offset_counts: Pair,
-    /// Lost motion beyond the model, counts.
     pub lost_counts: Pair,
-    /// Lag of the camera relative to the model, s.
     pub late_s: f64,
-    /// Full loop width between goal and camera, deg.
     pub width_deg: Pair,
 }
 
@@ -223,9 +206,8 @@ impl Motion {
         let counts_per_deg = gain(&encoder);
         let inverses = counts_per_deg.try_inverse().zip(gain(&estimate).try_inverse());
         let follow = |axis: usize| {
-            let [set, done] =
-                [setpoint[axis], encoder[axis]].map(|fit| fit.row(2).dot(&fit.row(1)));
-            (set - done) / encoder[axis].row(1).norm_squared()
+            let of = |fits: &[Fit; 2]| fits[axis].row(2).dot(&fits[axis].row(1));
+            (of(&setpoint) - of(&encoder)) / encoder[axis].row(1).norm_squared()
         };
         let seen = camera.zip(inverses).map(|(camera, (deg_per_count, modelled))| {
             // The lag does not depend on the scale of the observed motion.

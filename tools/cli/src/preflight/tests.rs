@@ -1,32 +1,26 @@
 //! Tests of the judgement on random robots, healthy or with a slow failure: the control cycle with
 //! emulated motors, snake and camera, in simulated time.
 
-use std::path::Path;
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
-use i2ris::config::Config;
-use i2ris::core::ServoGoal;
-use i2ris::ipc::watchdog_presence::WatchdogStatus;
-use i2ris::model::Model;
 use i2ris::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
+use i2ris::{config::Config, core::ServoGoal};
+use i2ris::{ipc::watchdog_presence::WatchdogStatus, model::Model};
 use i2ris_bench::models::{RecordingPlan, robot};
 use i2ris_calibration::fit::{FitOptions, fit};
-use i2ris_calibration::parallel;
-use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_calibration::{parallel, progress::Silent};
 use i2ris_simulation::ageing::{Change, Course, Parameter};
 use i2ris_simulation::camera::{Camera, CameraConfig, CameraFault, TimedCameraFault};
 use i2ris_simulation::closed_loop::{ClosedLoop, Motors};
-use i2ris_simulation::drive::MotorConfig;
-use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::physics::{DrawnSnake, Physics};
-use i2ris_simulation::robot::Robot;
+use i2ris_simulation::{drive::MotorConfig, motion::protocol::Protocol, robot::Robot};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::judgement::{CameraFacts, Measured, Swing, judge};
 use super::motion::{LENGTH_S, Observer, Pair, Plan, Series};
-use super::swing::{NOBODY, PAUSED};
+use super::{NOBODY, PAUSED};
 use crate::doctor::Report;
 
 const CONFIG: &str = include_str!("../../../../config/emulator.toml");
@@ -34,7 +28,6 @@ const CONFIG: &str = include_str!("../../../../config/emulator.toml");
 const MODEL: &str = "../../tests/adaptation/force-balance.json";
 const SNAKE: DrawnSnake = DrawnSnake { physics: Physics::LuGre, seed: 1 };
 
-/// A snake and its model.
 #[derive(Clone)]
 struct Calibrated {
     snake: DrawnSnake,
@@ -47,26 +40,19 @@ impl Calibrated {
         Self { snake: SNAKE, model: Arc::new(Model::load(&file).unwrap()) }
     }
 
-    /// Fits a model as a laboratory would.
     fn fitted(snake: DrawnSnake) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("recording.csv");
-        let plan = RecordingPlan {
-            protocol: Protocol::Reversals,
-            duration_s: 300.0,
-            noise_deg: 0.07,
-            latency_ms: 0,
-            seed: snake.seed,
-        };
+        let (protocol, seed) = (Protocol::Reversals, snake.seed);
+        let (duration_s, noise_deg, latency_ms) = (300.0, 0.07, 0);
+        let plan = RecordingPlan { protocol, duration_s, noise_deg, latency_ms, seed };
         plan.record(&mut robot(&snake.into(), false), &file).unwrap();
         let (recording, _) = Recording::read(&file, &ColumnMap::default()).unwrap();
         let options = FitOptions { robot_id: "i2ris-emulated".to_owned(), ..FitOptions::default() };
-        let outcome = fit(&recording, &options, &Silent).unwrap();
-        Self { snake, model: outcome.model }
+        Self { snake, model: fit(&recording, &options, &Silent).unwrap().model }
     }
 }
 
-/// Motors and snake; the motor plugs may be swapped.
 struct Bench {
     robot: Robot,
     is_swapped: bool,
@@ -92,7 +78,6 @@ impl Motors for Bench {
     }
 }
 
-/// A robot.
 struct Draw {
     random: Pcg64Mcg,
     model: Arc<Model>,
@@ -101,7 +86,6 @@ struct Draw {
     motors: MotorConfig,
     is_swapped: bool,
     camera: CameraConfig,
-    /// Angle as seen by the camera.
     zoom: f64,
     start: Pair,
     seed: u64,
@@ -127,12 +111,9 @@ impl Draw {
             zero,
         ];
         let motors = MotorConfig { bandwidth_hz: within(45.0, 80.0), ..MotorConfig::default() };
-        let camera = CameraConfig {
-            rate_hz: within(15.0, 60.0),
-            noise_deg: within(0.02, 0.1),
-            latency_ms: within(20.0, 100.0) as u64,
-            faults: Vec::new(),
-        };
+        let (rate_hz, noise_deg) = (within(15.0, 60.0), within(0.02, 0.1));
+        let latency_ms = within(20.0, 100.0) as u64;
+        let camera = CameraConfig { rate_hz, noise_deg, latency_ms, faults: Vec::new() };
         let start = Pair::new(within(-8.0, 8.0), within(-8.0, 8.0));
         let (is_swapped, zoom) = (false, 1.0);
         Self { random, model, snake, changes, motors, is_swapped, camera, zoom, start, seed }
@@ -155,7 +136,6 @@ impl Draw {
         }
     }
 
-    /// The motion of a preflight.
     fn observe(&self) -> Result<Observer, String> {
         let mut config = Config::parse(CONFIG, "emulator.toml".as_ref()).unwrap();
         config.limits.plausibility_deg = 0.0;
@@ -204,7 +184,6 @@ impl Draw {
     }
 }
 
-/// Slow failures, and their names in the judgement.
 const FAILURES: [(&str, &str); 17] = [
     ("slack wire", "wire"),
     ("slipped coupling", "zero"),
@@ -225,7 +204,6 @@ const FAILURES: [(&str, &str); 17] = [
     ("homed while bent", "zero"),
 ];
 
-/// Applies a failure.
 fn fail(name: &str, draw: &mut Draw, facts: &mut Measured) {
     let turn = draw.seed as usize / FAILURES.len();
     let (motor, sign) = (turn % 2, if turn % 4 < 2 { 1.0 } else { -1.0 });
@@ -292,7 +270,6 @@ fn fail(name: &str, draw: &mut Draw, facts: &mut Measured) {
     }
 }
 
-/// The numbers of a healthy computer.
 fn facts(draw: &mut Draw) -> Measured {
     Measured {
         drive_differences: Vec::new(),
@@ -316,7 +293,6 @@ fn facts(draw: &mut Draw) -> Measured {
     }
 }
 
-/// Report on a robot.
 fn report(seed: u64, failure: Option<&str>, of: &Calibrated) -> Report {
     let mut draw = Draw::healthy(seed, of.clone());
     let mut measured = facts(&mut draw);
@@ -327,7 +303,6 @@ fn report(seed: u64, failure: Option<&str>, of: &Calibrated) -> Report {
     judge(&measured)
 }
 
-/// Report on a wrong bench.
 pub fn output_of(bench: &str) -> Report {
     let swing = match bench {
         "no operator to ask" => NOBODY,
