@@ -2,12 +2,10 @@
 
 use std::path::PathBuf;
 
-use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::{ModelDifference, ModelReply, ModelSlot, unpadded_text};
 use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::ModelId;
-use i2ris::units::Nanos;
+use i2ris::{clock, model::ModelId, units::Nanos};
 use i2ris_report::exit::{Coded, code};
 use i2ris_report::{DomainOption, Failure, Interrupt, while_working};
 use serde_json::{Value, json};
@@ -15,7 +13,6 @@ use serde_json::{Value, json};
 use crate::command::prepare::{PrepareOptions, carry_out, prepare};
 use crate::command::with_code;
 
-/// Time limit for a staged model to catch up with the motor positions.
 const CATCH_UP: Nanos = Nanos::from_millis(5000);
 const POLL: Nanos = Nanos::from_millis(50);
 
@@ -100,9 +97,9 @@ pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
     }
     let print_outcome = |now: &ModelReply, conditioned: bool| -> Result<(), Failure> {
         if arguments.json {
-            let (models, difference) = (models(now), difference_json(&reply.difference));
             let outcome = json!({
-                "models": models, "difference": difference, "conditioned": conditioned
+                "models": models(now), "difference": difference_json(&reply.difference),
+                "conditioned": conditioned,
             });
             println!("{}", serde_json::to_string_pretty(&outcome)?);
         }
@@ -116,8 +113,7 @@ pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
     if conditions || arguments.prepare.is_given() {
         prepare(&mut client, arguments.prepare, &interrupt).map_err(stays)?;
     }
-    let id = ModelId(staged.model_id);
-    let active = activate(&mut client, id, arguments.force || conditions);
+    let active = activate(&mut client, ModelId(staged.model_id), arguments.force || conditions);
     let active = active.map_err(|error| stays(error.into()))?;
     say(format!("activate   {}", line(&active.slots[0])));
     if conditions {
@@ -131,7 +127,6 @@ pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
     print_outcome(&client.models()?, conditions)
 }
 
-/// Waits for a model that is still catching up with the motor positions.
 fn activate(client: &mut Client, id: ModelId, force: bool) -> Result<ModelReply, ClientError> {
     let start = clock::now();
     loop {
@@ -146,13 +141,10 @@ fn activate(client: &mut Client, id: ModelId, force: bool) -> Result<ModelReply,
     }
 }
 
-/// A failure after which the previous model stays in use.
 fn stays(failure: Failure, before: &ModelSlot) -> Failure {
     let failure = with_code(failure);
-    let stays = match before.flags & ModelSlot::PRESENT {
-        0 => "still no model is in use",
-        _ => "the model in use stays",
-    };
+    let has_model = before.flags & ModelSlot::PRESENT != 0;
+    let stays = if has_model { "the model in use stays" } else { "still no model is in use" };
     let sentence = format!("{failure}; {stays}");
     Coded { code: code(&failure), sentence }.into()
 }
@@ -240,15 +232,10 @@ fn print_difference(difference: &ModelDifference) {
     }
     let counts = |counts: [f64; 2]| format!("{:+.0} {:+.0}", counts[0], counts[1]);
     println!("the motors would turn by {} counts here", counts(difference.present_counts));
-    println!(
-        "and by at most {}, at {}",
-        counts(difference.largest_counts),
-        counts(difference.largest_at_counts)
-    );
+    let (largest, at) = (counts(difference.largest_counts), counts(difference.largest_at_counts));
+    println!("and by at most {largest}, at {at}");
     if difference.unreached > 0.0 {
-        println!(
-            "{:.0} % of the poses in reach of the model in use are out of its reach",
-            difference.unreached * 100.0
-        );
+        let percent = difference.unreached * 100.0;
+        println!("{percent:.0} % of the poses in reach of the model in use are out of its reach");
     }
 }

@@ -3,17 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
-use i2ris::model::Model;
-use i2ris::model::file::{FamilyParameters, FitMetrics};
-use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use i2ris::model::file::{FamilyParameters, FitMetrics, OutputSpec};
 use i2ris::model::hysteresis::force_balance::{BalanceParameters, CREEPING};
-use i2ris::model::hysteresis::residual::ResidualParameters;
+use i2ris::model::{Model, hysteresis::backlash_play::PlayParameters};
 use i2ris::wall_clock::WallTime;
+use i2ris_report::{DomainOption, Failure};
 use serde_json::json;
 
-use super::columns::si;
-use super::loaded;
-use i2ris_report::{DomainOption, Failure};
+use super::{loaded, si};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
@@ -36,7 +33,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Prints a model file.
 pub fn show(path: &Path, json: bool) -> Result<(), Failure> {
     let model = Model::load(path)?;
     if json {
@@ -61,8 +57,8 @@ fn written(file: &Path) -> Option<String> {
 
 fn header(path: &Path, model: &Model) {
     let file = model.file();
-    let outputs: Vec<String> =
-        file.outputs.iter().map(|output| format!("{} ({})", output.name, output.unit)).collect();
+    let named = |output: &OutputSpec| format!("{} ({})", output.name, output.unit);
+    let outputs: Vec<String> = file.outputs.iter().map(named).collect();
     println!("model      {}", model.id());
     println!("file of    {}", written(path).unwrap_or_else(|| "unknown".to_owned()));
     println!("family     {}", file.family.title());
@@ -73,11 +69,8 @@ fn header(path: &Path, model: &Model) {
         let values = corners.iter().map(|corner| corner[motor]);
         let (low, high) =
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        let shape = if motor == 0 {
-            format!(" (hull of {} corners)", corners.len())
-        } else {
-            String::new()
-        };
+        let shape = format!(" (hull of {} corners)", corners.len());
+        let shape = if motor == 0 { &*shape } else { "" };
         println!("motor {motor}    {low:.0} to {high:.0} counts{shape}");
     }
 }
@@ -87,19 +80,16 @@ fn mechanics(model: &Model) {
     let gains = gains(model);
     let unit =
         model.file().outputs.first().map_or_else(String::new, |output| output.unit.to_string());
-    let text: Vec<String> = gains
-        .iter()
-        .enumerate()
-        .map(|(motor, gain)| format!("motor {motor} {gain:.5} {unit}/count"))
-        .collect();
+    let gain = |(motor, gain): (usize, &f64)| format!("motor {motor} {gain:.5} {unit}/count");
+    let text: Vec<String> = gains.iter().enumerate().map(gain).collect();
     println!("gain       {} (middle of the hull)", text.join(", "));
     if let Some(rotation) = rotation_deg(model) {
         println!("rotation   {rotation:.1} deg from output 0 to the axis of motor 0");
     }
     let wipe = model.conditioning_range();
     if wipe.iter().any(|counts| *counts > 0.0) {
-        let wipe: Vec<String> =
-            wipe.iter().take(model.motors()).map(|counts| format!("{counts:.0}")).collect();
+        let wipe = wipe.iter().take(model.motors()).map(|counts| format!("{counts:.0}"));
+        let wipe: Vec<String> = wipe.collect();
         println!("memory     known once the motors have covered {} counts", wipe.join(" and "));
     } else {
         println!("memory     none");
@@ -112,10 +102,9 @@ fn examination(model: &Model) {
     let gains = found.gains.map_or_else(String::new, |[least, most]| {
         format!("; gain {least:.2} to {most:.2} times that of a linear fit")
     });
+    let (missed, travel) = (100.0 * found.error, found.travel);
     println!(
-        "inverse    misses {:.1} % of the motion, with {:.2} times the travel{gains}",
-        100.0 * found.error,
-        found.travel
+        "inverse    misses {missed:.1} % of the motion, with {travel:.2} times the travel{gains}"
     );
     println!("range      the robot may use {:.1} % of the measured range", 100.0 * found.usable);
     if let Some(reason) = &model.file().worthless {
@@ -137,9 +126,7 @@ fn slopes(model: &Model, motor: usize) -> Vec<f64> {
 
 fn rotation_deg(model: &Model) -> Option<f64> {
     let slopes = slopes(model, 0);
-    let [first, second] = slopes.as_slice() else {
-        return None;
-    };
+    let [first, second] = slopes.as_slice() else { return None };
     Some(second.atan2(*first).to_degrees())
 }
 
@@ -148,7 +135,15 @@ fn family(model: &Model) {
     match &model.file().family {
         FamilyParameters::Linear { .. } | FamilyParameters::Gmr { .. } => {}
         FamilyParameters::GmrPlay { plays, residual, .. } => {
-            residual_line(residual.as_ref());
+            match residual {
+                None => println!("residual   none"),
+                Some(residual) => println!(
+                    "residual   {} features: shape of degree {}, lags times degree {}",
+                    residual.coefficients.first().map_or(0, Vec::len),
+                    residual.shape_degree,
+                    residual.lag_degree
+                ),
+            }
             play_table(plays, &gains);
         }
         FamilyParameters::ForceBalance { balance, read_out, .. } => {
@@ -166,32 +161,15 @@ fn family(model: &Model) {
     }
 }
 
-fn residual_line(residual: Option<&ResidualParameters>) {
-    match residual {
-        None => println!("residual   none"),
-        Some(residual) => println!(
-            "residual   {} features: shape of degree {}, lags times degree {}",
-            residual.coefficients.first().map_or(0, Vec::len),
-            residual.shape_degree,
-            residual.lag_degree
-        ),
-    }
-}
-
 /// A play of threshold r is a gap of 2 r.
 fn play_table(plays: &PlayParameters, gains: &[f64]) {
     println!("\n{:<8}{:>14}{:>12}{:>10}", "plays", "gap (counts)", "gap (deg)", "weight");
-    for (motor, (thresholds, weights)) in
-        plays.thresholds_counts.iter().zip(&plays.weights).enumerate()
-    {
+    let motors = plays.thresholds_counts.iter().zip(&plays.weights).enumerate();
+    for (motor, (thresholds, weights)) in motors {
         let gain = gains.get(motor).copied().unwrap_or_default();
         for (threshold, weight) in thresholds.iter().zip(weights) {
-            let gap = 2.0 * threshold;
-            println!(
-                "{:<8}{gap:>14.1}{:>12.3}{weight:>10.4}",
-                format!("motor {motor}"),
-                gap * gain
-            );
+            let (gap, motor) = (2.0 * threshold, format!("motor {motor}"));
+            println!("{motor:<8}{gap:>14.1}{:>12.3}{weight:>10.4}", gap * gain);
         }
     }
     for threshold in &plays.planar_thresholds_counts {
@@ -199,7 +177,6 @@ fn play_table(plays: &PlayParameters, gains: &[f64]) {
     }
 }
 
-/// Prints the force-balance parameters, lengths in counts.
 fn balance_table(balance: &BalanceParameters) {
     println!(
         "\n{:<8}{:>14}{:>20}{:>20}{:>22}",
@@ -219,11 +196,10 @@ fn balance_table(balance: &BalanceParameters) {
         );
         let [sine, cosine, twice_sine, twice_cosine] = motor.transmission_error.map(counts);
         if motor.transmission_error != [0.0; 4] {
+            let (once, twice) = (sine.hypot(cosine), twice_sine.hypot(twice_cosine));
             println!(
-                "        transmission error {:.2} counts once and {:.2} twice a turn of {:.0} \
-                 counts",
-                sine.hypot(cosine),
-                twice_sine.hypot(twice_cosine),
+                "        transmission error {once:.2} counts once and {twice:.2} twice a turn of \
+                 {:.0} counts",
                 balance.counts_per_turn
             );
         }
@@ -255,11 +231,8 @@ fn training(model: &Model) {
     println!("\nfitted to  {} ({} rows)", training.data_file, training.rows);
     let recorded = training.recorded_at.as_deref().unwrap_or("at an unknown time");
     println!("           recorded {recorded}");
-    println!("           SHA-256 {}", training.data_sha256);
-    println!(
-        "by         {}, seed {}, {} start(s)",
-        training.software, training.seed, training.restarts
-    );
+    let (software, seed, restarts) = (&training.software, training.seed, training.restarts);
+    println!("by         {software}, seed {seed}, {restarts} start(s)");
     if let (Some(likelihood), Some(bic)) = (training.log_likelihood, training.bic) {
         println!("           log-likelihood {likelihood:.4} nats/row, BIC {bic:.1}");
     }

@@ -1,34 +1,30 @@
-//! `i2ris model invert`.
+//! `i2ris model invert` and `i2ris model predict`: angles to counts, and back.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use i2ris::config::{AxisConfig, Config, JointLimitConfig, PortConfig};
-use i2ris::core::ServoGoal;
-use i2ris::ipc::Refusal;
-use i2ris::model::Model;
-use i2ris::model::file::OutputUnit;
+use i2ris::model::{Memory, Model, file::OutputUnit};
 use i2ris::units::{Counts, MotorVec, OutputVec};
+use i2ris::{core::ServoGoal, ipc::Refusal};
 use i2ris_calibration::recording::{ColumnMap, Row, TimeColumn, Wanted};
+use i2ris_report::Failure;
+use i2ris_report::statistics::{distance, interpolate};
 use i2ris_simulation::closed_loop::{
     ClosedLoop, IdealMotors, LoopError, start_position, without_limits,
 };
 use serde::Serialize;
 
-use super::columns::{check_output, counts_columns, history, output_columns};
-use crate::calibrate::ColumnArguments;
+use super::{check_output, counts_columns, history, output_columns, si};
+use crate::calibrate::{ColumnArguments, PathColumns};
 use crate::csv_table;
-use i2ris_report::Failure;
-use i2ris_report::statistics::distance;
 
 /// Speed of the approach to the first pose, degrees (mm) per second.
 const APPROACH: f64 = 10.0;
-
 /// Ticks without motion after which the approach is at rest, and time limit for that, in ticks.
 const REST_TICKS: u32 = 50;
 const REST_TIMEOUT_TICKS: u32 = 10_000;
 
-/// Arguments of `i2ris model invert`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris model invert steel.json desired.csv --output counts.csv
@@ -38,7 +34,7 @@ const REST_TIMEOUT_TICKS: u32 = 10_000;
 The trajectory has the columns t_s, pitch_deg, yaw_deg (or those of the model), interpolated
 linearly; the history has q0_counts, q1_counts. The output contains the setpoints that the control
 loop would send, tick by tick. The snake first moves to the start of the trajectory, at 10 deg/s.")]
-pub struct Arguments {
+pub struct InvertArguments {
     /// The model
     model: PathBuf,
     /// The desired angles
@@ -71,20 +67,15 @@ struct Outcome {
     clipped_ticks: usize,
     /// The largest distance of such a goal from the nearest one in reach, degrees (mm).
     clipped_farthest: f64,
-    /// The memory was known when the trajectory began.
     memory_known: bool,
-    /// Travel of every motor, counts.
     travel_counts: Vec<f64>,
 }
 
-/// Runs the inversion.
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { trajectory, output, .. } = arguments;
+pub fn invert(arguments: &InvertArguments) -> Result<(), Failure> {
+    let InvertArguments { trajectory, output, .. } = arguments;
     check_output(output, &[&arguments.model, trajectory])?;
     let model = Arc::new(Model::load(&arguments.model)?);
     let config = config(arguments, &model)?;
-    let columns: Vec<String> =
-        std::iter::once("t_s".to_owned()).chain(output_columns(&model)).collect();
     let map = arguments.columns.map();
     let table = csv_table::read(trajectory, &map, &Wanted::trajectory(&model.file().outputs))?.rows;
     let unit = model.file().outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
@@ -104,17 +95,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     })?;
     approach(&mut rehearsal, &desired, arguments.no_limits)
         .map_err(|error| explained(error, trajectory, desired.start_s(), &config, unit))?;
-    let known = rehearsal.report().joint.is_some_and(|joint| joint.memory_known);
-    let mut outcome = Outcome {
-        ticks: 0,
-        clipped_ticks: 0,
-        clipped_farthest: 0.0,
-        memory_known: known,
-        travel_counts: vec![0.0; model.motors()],
-    };
+    let memory_known = rehearsal.report().joint.is_some_and(|joint| joint.memory_known);
+    let travel_counts = vec![0.0; model.motors()];
+    let (ticks, clipped_ticks, clipped_farthest) = (0, 0, 0.0);
+    let mut outcome =
+        Outcome { ticks, clipped_ticks, clipped_farthest, memory_known, travel_counts };
     let rows = play(&mut rehearsal, &desired, &mut outcome)
         .map_err(|(error, t)| explained(error, trajectory, t, &config, unit))?;
-    let header: Vec<String> = columns.into_iter().chain(counts_columns(&model)).collect();
+    let time = std::iter::once("t_s".to_owned());
+    let columns = time.chain(output_columns(&model)).chain(counts_columns(&model));
+    let header: Vec<String> = columns.collect();
     csv_table::write(output, &header, &rows)?;
     print(&outcome, output, unit, arguments.json)
 }
@@ -132,10 +122,11 @@ fn print(outcome: &Outcome, output: &Path, unit: OutputUnit, json: bool) -> Resu
         return Ok(());
     }
     println!("wrote {} ticks to {}", outcome.ticks, output.display());
-    if outcome.clipped_ticks > 0 {
+    let Outcome { clipped_ticks, clipped_farthest, .. } = outcome;
+    if *clipped_ticks > 0 {
         println!(
-            "{} of them are out of reach, by {:.2} {unit} at most: replaced by the nearest pose",
-            outcome.clipped_ticks, outcome.clipped_farthest
+            "{clipped_ticks} of them are out of reach, by {clipped_farthest:.2} {unit} at most: \
+             replaced by the nearest pose"
         );
     }
     Ok(())
@@ -174,16 +165,12 @@ fn approach(
 ) -> Result<(), LoopError> {
     let to = desired.at(desired.start_s());
     let from = rehearsal.report().joint.map_or(to, |joint| joint.setpoint);
-    let distance = from.iter().zip(&to).map(|(from, to)| (to - from).powi(2)).sum::<f64>().sqrt();
-    let ticks = if at_once {
-        1.0
-    } else {
-        (distance / (APPROACH * desired.si * rehearsal.period().as_seconds())).ceil()
-    };
+    let distance = distance(&from, &to);
+    let step = APPROACH * desired.si * rehearsal.period().as_seconds();
+    let ticks = if at_once { 1.0 } else { (distance / step).ceil() };
     for tick in 1..=ticks as u64 {
         let share = tick as f64 / ticks;
-        let here = std::array::from_fn(|output| from[output] + share * (to[output] - from[output]));
-        rehearsal.follow(desired.goal(here))?;
+        rehearsal.follow(desired.goal(interpolate(&from, &to, share)))?;
     }
     let (mut before, mut rested) = (rehearsal.report().setpoints, 0);
     for _ in 0..REST_TIMEOUT_TICKS {
@@ -197,7 +184,6 @@ fn approach(
     Ok(())
 }
 
-/// One row per tick: time, desired outputs, and counts.
 fn play(
     rehearsal: &mut ClosedLoop<IdealMotors>,
     desired: &DesiredTrajectory,
@@ -251,7 +237,7 @@ fn explained(
     format!("{} at t_s = {time_s:.3}: {error}{remedy}", file.display()).into()
 }
 
-fn config(arguments: &Arguments, model: &Model) -> Result<Config, Failure> {
+fn config(arguments: &InvertArguments, model: &Model) -> Result<Config, Failure> {
     let config = match &arguments.config {
         Some(file) => {
             let config = Config::load(file)?;
@@ -271,11 +257,9 @@ fn standard(model: &Model) -> Result<Config, Failure> {
         let values = corners.iter().map(|corner| corner[motor]);
         let (low, high) =
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        let limits = [
-            Counts::from_f64(low.floor()).unwrap_or(Counts(i32::MIN)),
-            Counts::from_f64(high.ceil()).unwrap_or(Counts(i32::MAX)),
-        ];
-        AxisConfig::new(motor, 0, limits)
+        let low = Counts::from_f64(low.floor()).unwrap_or(Counts(i32::MIN));
+        let high = Counts::from_f64(high.ceil()).unwrap_or(Counts(i32::MAX));
+        AxisConfig::new(motor, 0, [low, high])
     };
     let axes = (0..model.motors()).map(axis).collect();
     let mut config: Config = toml::from_str("robot_id = \"\"\nports = []")?;
@@ -286,4 +270,76 @@ fn standard(model: &Model) -> Result<Config, Failure> {
         config.joint_limits = JointLimitConfig::OFF;
     }
     Ok(config)
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  i2ris model predict steel.json path.csv --history before.csv --output angles.csv
+
+The files are read like a recording by `i2ris calibrate fit`. A time column is copied to the output;
+rows with an empty cell are skipped and counted.")]
+pub struct PredictArguments {
+    /// The model
+    model: PathBuf,
+    /// The path of the motors
+    #[arg(id = "path", value_name = "COUNTS.csv")]
+    counts: PathBuf,
+    /// Earlier path of the motors: sets the hysteresis memory at the start
+    #[arg(long, value_name = "COUNTS.csv")]
+    history: Option<PathBuf>,
+    /// Output file: angles, counts, and the time if the path has one
+    #[arg(long, short, value_name = "ANGLES.csv")]
+    output: PathBuf,
+    #[command(flatten)]
+    columns: PathColumns,
+}
+
+pub fn predict(arguments: &PredictArguments) -> Result<(), Failure> {
+    let PredictArguments { counts, output, .. } = arguments;
+    check_output(output, &[&arguments.model, counts])?;
+    let model = Model::load(&arguments.model)?;
+    let columns = arguments.columns.map();
+    let table = csv_table::read(counts, &columns, &Wanted::path_of(model.motors()))?.rows;
+    let mut memory = model.new_memory();
+    let past = history(arguments.history.as_ref(), &columns, &model)?;
+    follow(&model, &mut memory, &past, |_, _| ());
+    let (si, mut unknown) = (si(&model), 0_usize);
+    let mut rows = Vec::with_capacity(table.len());
+    follow(&model, &mut memory, &table, |row, memory| {
+        unknown += usize::from(!model.is_memory_known(memory));
+        let angles = model.predict(&row.counts, memory).mean;
+        let angles = angles.iter().take(model.outputs()).map(|angle| angle / si);
+        let counts = row.counts.into_iter().take(model.motors());
+        rows.push(row.time_s.into_iter().chain(angles).chain(counts).collect());
+    });
+    let time = table.first().and_then(|row| row.time_s).map(|_| "t_s".to_owned());
+    let columns = time.into_iter().chain(output_columns(&model)).chain(counts_columns(&model));
+    let header: Vec<String> = columns.collect();
+    csv_table::write(output, &header, &rows)?;
+    println!("wrote {} rows to {}", rows.len(), output.display());
+    if model.creeps() && past.iter().chain(&table).any(|row| row.time_s.is_none()) {
+        eprintln!(
+            "warning: this snake creeps, but the path has no times, so the angles are those of an \
+             instantaneous motion; give the counts with times"
+        );
+    }
+    if unknown > 0 {
+        eprintln!(
+            "warning: in the first {unknown} row(s) the memory is unknown, so their angles may \
+             be off by the width of the hysteresis loop; give the earlier path of the motors \
+             with --history"
+        );
+    }
+    Ok(())
+}
+
+/// Advances a memory along a path, using its times if present.
+fn follow(model: &Model, memory: &mut Memory, path: &[Row], mut at: impl FnMut(&Row, &Memory)) {
+    let mut before = path.first().and_then(|row| row.time_s);
+    for row in path {
+        let time_s = row.time_s.zip(before).map_or(0.0, |(time, before)| time - before);
+        model.advance_over(memory, &row.counts, time_s);
+        before = row.time_s;
+        at(row, memory);
+    }
 }
