@@ -73,7 +73,7 @@ impl<T: Field> Field for Vec<T> {
 #[macro_export]
 macro_rules! ros_messages {
     ($($(#[$meta:meta])* $name:ident $package:literal $type:literal {
-        $($(#[$field_meta:meta])* $field:ident: $kind:ty,)*
+        $($(#[$field_meta:meta])* $field:ident: $kind:ty),* $(,)?
     })*) => {$(
         $(#[$meta])*
         #[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize)]
@@ -108,10 +108,7 @@ macro_rules! ros_messages {
 
 ros_messages! {
     /// Unix time.
-    Time "builtin_interfaces" "Time" {
-        sec: i32,
-        nanosec: u32,
-    }
+    Time "builtin_interfaces" "Time" { sec: i32, nanosec: u32 }
 
     Header "std_msgs" "Header" {
         /// Time of the values; 0: they are not valid.
@@ -120,9 +117,7 @@ ros_messages! {
         frame_id: String,
     }
 
-    Text "std_msgs" "String" {
-        data: String,
-    }
+    Text "std_msgs" "String" { data: String }
 
     JointState "sensor_msgs" "JointState" {
         header: Header,
@@ -139,17 +134,9 @@ ros_messages! {
         data: Vec<u8>,
     }
 
-    Point "geometry_msgs" "Point" {
-        x: f64,
-        y: f64,
-        z: f64,
-    }
+    Point "geometry_msgs" "Point" { x: f64, y: f64, z: f64 }
 
-    Vector3 "geometry_msgs" "Vector3" {
-        x: f64,
-        y: f64,
-        z: f64,
-    }
+    Vector3 "geometry_msgs" "Vector3" { x: f64, y: f64, z: f64 }
 
     Quaternion "geometry_msgs" "Quaternion" {
         x: f64,
@@ -159,20 +146,11 @@ ros_messages! {
         w: f64,
     }
 
-    Pose "geometry_msgs" "Pose" {
-        position: Point,
-        orientation: Quaternion,
-    }
+    Pose "geometry_msgs" "Pose" { position: Point, orientation: Quaternion }
 
-    PoseStamped "geometry_msgs" "PoseStamped" {
-        header: Header,
-        pose: Pose,
-    }
+    PoseStamped "geometry_msgs" "PoseStamped" { header: Header, pose: Pose }
 
-    Transform "geometry_msgs" "Transform" {
-        translation: Vector3,
-        rotation: Quaternion,
-    }
+    Transform "geometry_msgs" "Transform" { translation: Vector3, rotation: Quaternion }
 
     TransformStamped "geometry_msgs" "TransformStamped" {
         header: Header,
@@ -180,9 +158,7 @@ ros_messages! {
         transform: Transform,
     }
 
-    Transforms "tf2_msgs" "TFMessage" {
-        transforms: Vec<TransformStamped>,
-    }
+    Transforms "tf2_msgs" "TFMessage" { transforms: Vec<TransformStamped> }
 
     OperatingState "crtk_msgs" "OperatingState" {
         /// Its stamp rises with every message.
