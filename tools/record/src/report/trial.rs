@@ -305,7 +305,7 @@ impl Trial {
             }
             return;
         }
-        if !self.followed.last().is_some_and(|followed| is_same(&followed.last)) {
+        if self.followed.last().is_none_or(|followed| !is_same(&followed.last)) {
             self.followed.push(Followed { last: message, curve: TimeSeries::default() });
         }
         if let Some(followed) = self.followed.last_mut() {
