@@ -86,7 +86,6 @@ impl Estimator {
         std::array::from_fn(|index| self.covariance[index][index].max(0.0).sqrt())
     }
 
-    /// Keeps the drift within bounds.
     /// Widens the zero after a slip: it may be anywhere within this distance.
     pub(crate) fn open_zero(&mut self, distance: f64) {
         for index in 0..2 {

@@ -15,7 +15,7 @@ use crate::statistics::distance_to_segment;
 const CIRCLE_POINTS: u32 = 48;
 /// How far the outline of a half-plane reaches, deg: beyond every picture.
 const FAR_DEG: f64 = 180.0;
-/// Distance below which it is signalled, deg.
+/// A border nearer than this is signalled, deg.
 const NEAR_DEG: f64 = 3.0;
 /// Nearer than this the tip touches, deg.
 const TOUCH_DEG: f64 = 0.1;
