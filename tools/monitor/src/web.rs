@@ -1,7 +1,7 @@
 //! The read-only page for a browser.
 //!
 //! The page cannot command anything by design, not by configuration. The server supports one
-//! method, GET, and answers from a [`Dashboard`](crate::dashboard::Dashboard), which holds numbers;
+//! method, GET, and answers from a [`Dashboard`], which holds numbers;
 //! it has no access to types of the client library. The thread that fills the dashboard subscribes
 //! to streams and opens no publisher. It requests only the list of models, by a separate connection
 //! that it closes again.
