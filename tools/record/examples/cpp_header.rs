@@ -3,5 +3,5 @@
 #![allow(clippy::print_stdout, reason = "its output is the file")]
 
 fn main() {
-    print!("{}", i2ris_record::generated::cpp_header());
+    print!("{}", i2ris_record::other_languages::cpp_header());
 }

@@ -10,7 +10,7 @@
 //! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
 //! | `messages` | payloads and standard messages, their encoding, definitions and topics |
 //! | `read` | records of a file, complete or truncated |
-//! | `generated` | payloads for C++, texts of causes for Python |
+//! | `other_languages` | payloads for C++, texts of causes for Python |
 //!
 //! A topic `i2ris/NAME` has the payloads of the controller, bit for bit. The topic `NAME` has the
 //! same as a standard ROS 2 or CRTK message, as a recording of a dVRK does. Stamps in payloads are
@@ -18,8 +18,8 @@
 //! between both clocks is measured at the start and written to the metadata.
 
 pub mod export;
-pub mod generated;
 pub mod messages;
+pub mod other_languages;
 pub mod pictures;
 pub mod read;
 pub mod recorder;

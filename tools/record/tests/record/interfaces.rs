@@ -46,7 +46,7 @@ fn the_header_for_cpp_is_current_and_compiles() {
     let path = repository("tools/cpp/i2ris_payload.hpp");
     let written = fs::read_to_string(&path).unwrap();
     assert!(
-        written == i2ris_record::generated::cpp_header(),
+        written == i2ris_record::other_languages::cpp_header(),
         "run cargo run -p i2ris-record --example cpp_header > tools/cpp/i2ris_payload.hpp"
     );
     let mut compiler = Command::new("c++");
@@ -222,7 +222,7 @@ fn texts(table: &Path) -> Vec<(String, String)> {
 fn the_texts_of_python_are_current() {
     let written = fs::read_to_string(repository("tools/python/i2ris/reasons.py")).unwrap();
     assert!(
-        written == i2ris_record::generated::python_reasons(),
+        written == i2ris_record::other_languages::python_reasons(),
         "run cargo run -p i2ris-record --example python_reasons > tools/python/i2ris/reasons.py"
     );
 }
