@@ -1,10 +1,11 @@
 //! The ranges of all keys with a number: one table, read by the validation and by the JSON Schema,
-//! which `i2ris doctor config` prints.
+//! which `i2ris doctor config` prints; and what is found in a file.
+
+use std::fmt::{self, Display};
 
 use toml::Value;
 
 use super::Config;
-use super::validation::Findings;
 
 /// Ceilings far above any motor here: a value beyond is a mistake, for example a wrong unit.
 pub(super) const MAX_COUNTS: f64 = 1e7;
@@ -135,5 +136,40 @@ pub(super) fn check(config: &Config, findings: &mut Findings) {
             }
         }
         Err(error) => findings.require(false, "configuration", error, "cannot be written as TOML"),
+    }
+}
+
+/// A key whose value is refused.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finding {
+    /// The key, with the tables that hold it.
+    pub key: String,
+    /// The value in the file.
+    pub value: String,
+    /// The problem and the remedy.
+    pub reason: String,
+}
+
+impl Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} = {}: {}", self.key, self.value, self.reason)
+    }
+}
+
+#[derive(Default)]
+pub(super) struct Findings(pub Vec<Finding>);
+
+impl Findings {
+    pub(super) fn require(
+        &mut self,
+        is_valid: bool,
+        key: impl Into<String>,
+        value: impl Display,
+        reason: impl Into<String>,
+    ) {
+        if !is_valid {
+            let (key, value, reason) = (key.into(), value.to_string(), reason.into());
+            self.0.push(Finding { key, value, reason });
+        }
     }
 }

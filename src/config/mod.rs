@@ -10,8 +10,8 @@
 //! | `ports` | serial ports and their axes |
 //! | `line_timing` | capacity of a serial line, and the limits that follow |
 //! | `virtual_fixtures` | forbidden regions and their shapes |
-//! | `bounds` | the range of every key with a number |
-//! | `validation` | checks of related values, and findings |
+//! | `bounds` | the range of every key with a number, and findings |
+//! | `validation` | checks of related values |
 
 mod bounds;
 mod line_timing;
@@ -29,6 +29,7 @@ use crate::file_permissions::{MAX_CONFIG_BYTES, UntrustedFile, read_trusted};
 use crate::model::file::{OutputSpec, OutputUnit};
 use crate::model::{Model, ModelError};
 
+pub use bounds::Finding;
 pub use line_timing::LineBounds;
 pub(crate) use line_timing::{CURRENT_BOUND_TURNS, POSITION_BOUND_TURNS, STATUS_BOUND_TURNS};
 pub use ports::{AxisConfig, Family, HomingMethod, PortConfig, Streaming};
@@ -36,7 +37,6 @@ pub use sections::{
     AdaptationConfig, CommandConfig, CompensationConfig, ControlConfig, JointLimitConfig,
     LimitConfig, ModemLine, WatchdogConfig,
 };
-pub use validation::Finding;
 pub use virtual_fixtures::{FixtureRegionConfig, FixtureShape, MAX_CORNERS, MAX_REGIONS};
 
 /// The whole file.

@@ -3,9 +3,9 @@
 //!
 //! All checks run, so that one start of the program names everything that is wrong.
 
-use std::fmt::{self, Display};
 use std::path::Path;
 
+use super::bounds::{Finding, Findings};
 use super::{
     AxisConfig, Config, Family, HomingMethod, PortConfig, Streaming, bounds, virtual_fixtures,
 };
@@ -262,41 +262,6 @@ fn check_axis(axis: &AxisConfig, findings: &mut Findings) {
         stop,
         "must lie within the position limits",
     );
-}
-
-/// A key whose value is refused.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Finding {
-    /// The key, with the tables that hold it.
-    pub key: String,
-    /// The value in the file.
-    pub value: String,
-    /// The problem and the remedy.
-    pub reason: String,
-}
-
-impl Display for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} = {}: {}", self.key, self.value, self.reason)
-    }
-}
-
-#[derive(Default)]
-pub(super) struct Findings(pub Vec<Finding>);
-
-impl Findings {
-    pub(super) fn require(
-        &mut self,
-        is_valid: bool,
-        key: impl Into<String>,
-        value: impl Display,
-        reason: impl Into<String>,
-    ) {
-        if !is_valid {
-            let (key, value, reason) = (key.into(), value.to_string(), reason.into());
-            self.0.push(Finding { key, value, reason });
-        }
-    }
 }
 
 /// Keys of earlier versions, with what to do.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::validation::Findings;
+use super::bounds::Findings;
 
 /// Regions at the same time, also with those of requests.
 pub const MAX_REGIONS: usize = 8;

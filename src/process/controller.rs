@@ -33,15 +33,15 @@ use crate::process::control_loop::{Beats, ControlLoop};
 use crate::process::fixture_table::FixtureTable;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
-use crate::process::main_thread::{MainThread, write_line};
+use crate::process::main_thread::{MainThread, RunEnd};
 use crate::process::model_manager::ModelManager;
 use crate::process::payload_conversion::robot_description;
-use crate::process::run_log::{RunHeader, RunLog};
+use crate::process::run_log::{RunHeader, RunLog, write_line};
 use crate::process::start_up::{
     Drives, PortLine, bring_up_ports, check_start_drives, load_model, software, wait_for_positions,
 };
 pub use crate::process::threads::ControllerError;
-use crate::process::threads::{self, BLACK_BOX, NamedThread, RunEnd, ThreadError, Threads};
+use crate::process::threads::{self, BLACK_BOX, NamedThread, ThreadError, Threads};
 use crate::realtime::{self, Granted, SchedulingRequest};
 use crate::units::Nanos;
 use crate::{clock, service_manager};

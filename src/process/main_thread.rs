@@ -1,27 +1,29 @@
-//! The main thread while the others run: writes the log and waits for the end.
+//! The main thread while the others run: writes the log, waits for the end and ends the others.
 
-use std::fmt;
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
 
 use rtrb::Consumer;
 
+use crate::clock;
 use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::event::{PortEvent, PortEventKind};
+use crate::ipc::heartbeat::Heartbeat;
 use crate::ipc::payload::{EventMsg, padded_text};
 use crate::ipc::watchdog_presence::{PortsDigest, WatchdogStatus};
 use crate::ipc::{Domain, StreamMessage, find_client_process};
-use crate::process::run_log::RunLog;
-use crate::process::threads::{NamedThread, Threads};
+use crate::process::run_log::{RunLog, stamped_line};
+use crate::process::threads::{NamedThread, ThreadError, Threads};
 use crate::realtime::SuspendMonitor;
 use crate::robot::{Cause, DrivePower, Reason, Stop};
 use crate::units::Nanos;
-use crate::{clock, wall_clock};
 
 const LOG_PERIOD: Nanos = Nanos::from_millis(20);
 /// Polling period of the watchdog status and of the files that clients need.
 const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
+/// Time for the other threads to end after the loop, including writing the black box.
+const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 
 pub(super) struct MainThread<'a> {
     pub events: Consumer<CycleEvent>,
@@ -146,13 +148,51 @@ impl MainThread<'_> {
     }
 }
 
-/// Writes one line with the time. A closed or full log does not stop the robot.
-pub(crate) fn write_line(log: &mut dyn Write, line: fmt::Arguments<'_>) {
-    let _ = writeln!(log, "{}", stamped_line(clock::now(), line));
+impl Threads {
+    /// Waits for the loop, ends the other threads, and writes their last events. Returns the result
+    /// and the end of the threads.
+    pub(super) fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, RunEnd) {
+        let mut ended = self.control.join();
+        let (is_early, end) = (ended.is_err(), clock::now() + END_TIMEOUT);
+        self.quit_ports.store(true, Ordering::Release);
+        // The port threads need heartbeats to transmit, and the loop no longer sends any.
+        let beat = |stamp| self.beats.write(Heartbeat { stamp, ..Heartbeat::default() });
+        for port in self.ports {
+            ended = ended.and(port.join_until(end, beat));
+        }
+        main.write_events();
+        if main.powered.is_empty() {
+            let last = Heartbeat { stamp: clock::now(), off: true, ..Heartbeat::default() };
+            self.beats.write(last);
+        }
+        self.quit.store(true, Ordering::Release);
+        for thread in self.others {
+            ended = ended.and(thread.join_until(end, |_| ()));
+        }
+        main.write_events();
+        let end = match (main.powered.is_empty(), is_early) {
+            (true, false) => RunEnd::Clean,
+            (true, true) => RunEnd::LoopEndedEarly,
+            (false, _) => RunEnd::Powered,
+        };
+        (ended, end)
+    }
 }
 
-/// A line with the wall clock and the monotonic clock of `stamp`.
-fn stamped_line(stamp: Nanos, line: fmt::Arguments<'_>) -> String {
-    let wall = wall_clock::ago(clock::now().duration_since(stamp));
-    format!("{wall} [{:12.6}] {line}", stamp.as_seconds())
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum RunEnd {
+    Clean,
+    LoopEndedEarly,
+    /// Drives have not confirmed power-off.
+    Powered,
+}
+
+impl RunEnd {
+    pub(super) fn text(self) -> &'static str {
+        match self {
+            Self::Clean => "clean shutdown",
+            Self::LoopEndedEarly => "the control loop ended early",
+            Self::Powered => "drives have not confirmed power-off",
+        }
+    }
 }

@@ -1,6 +1,8 @@
 //! The run log: one JSON object per line for every start and end of the controller and every state
-//! change with its cause. Lines are only ever appended.
+//! change with its cause. Lines are only ever appended. And the line of the operator log, with its
+//! time.
 
+use std::fmt;
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
@@ -15,7 +17,8 @@ use crate::drive::AxisIdentity;
 use crate::model::ModelId;
 use crate::realtime::Granted;
 use crate::robot::{DriveFingerprint, Fault};
-use crate::wall_clock;
+use crate::units::Nanos;
+use crate::{clock, wall_clock};
 
 /// Name of the file in the folder of the records.
 pub const FILE: &str = "runs.jsonl";
@@ -190,4 +193,15 @@ fn merge(mut first: Value, second: Value) -> Value {
         first.extend(second);
     }
     first
+}
+
+/// Writes one line with the time. A closed or full log does not stop the robot.
+pub(crate) fn write_line(log: &mut dyn Write, line: fmt::Arguments<'_>) {
+    let _ = writeln!(log, "{}", stamped_line(clock::now(), line));
+}
+
+/// A line with the wall clock and the monotonic clock of `stamp`.
+pub(super) fn stamped_line(stamp: Nanos, line: fmt::Arguments<'_>) -> String {
+    let wall = wall_clock::ago(clock::now().duration_since(stamp));
+    format!("{wall} [{:12.6}] {line}", stamp.as_seconds())
 }

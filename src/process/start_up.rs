@@ -15,7 +15,7 @@ use crate::drive::port_runner::{AxisLink, PortRunner};
 use crate::drive::serial_transport::SerialTransport;
 use crate::model::{Model, ModelError};
 use crate::process::black_box::write_failed_start;
-use crate::process::main_thread::write_line;
+use crate::process::run_log::write_line;
 use crate::robot::DriveFingerprint;
 use crate::units::Nanos;
 use crate::{COMMIT, clock};

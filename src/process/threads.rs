@@ -1,17 +1,14 @@
-//! Starting, naming and joining the threads of the controller; the end of a run, and the final
-//! power state of the drives.
+//! Starting, naming and joining the threads of the controller; the final power state of the drives.
 
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::thread::{self, JoinHandle};
 
 use crate::clock;
 use crate::drive::error::DriveError;
-use crate::ipc::heartbeat::Heartbeat;
 use crate::ipc::{DomainError, IpcError};
 use crate::process::control_loop::Beats;
-use crate::process::main_thread::MainThread;
 use crate::process::start_up::StartModelError;
 use crate::units::Nanos;
 
@@ -46,37 +43,6 @@ pub(super) struct Threads {
     /// Ends the others: until the drives are off, clients and watchdog see a running controller.
     pub quit: Arc<AtomicBool>,
     pub beats: Arc<Beats>,
-}
-
-impl Threads {
-    /// Waits for the loop, ends the other threads, and writes their last events. Returns the result
-    /// and the end of the threads.
-    pub(super) fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, RunEnd) {
-        let mut ended = self.control.join();
-        let (is_early, end) = (ended.is_err(), clock::now() + END_TIMEOUT);
-        self.quit_ports.store(true, Ordering::Release);
-        // The port threads need heartbeats to transmit, and the loop no longer sends any.
-        let beat = |stamp| self.beats.write(Heartbeat { stamp, ..Heartbeat::default() });
-        for port in self.ports {
-            ended = ended.and(port.join_until(end, beat));
-        }
-        main.write_events();
-        if main.powered.is_empty() {
-            let last = Heartbeat { stamp: clock::now(), off: true, ..Heartbeat::default() };
-            self.beats.write(last);
-        }
-        self.quit.store(true, Ordering::Release);
-        for thread in self.others {
-            ended = ended.and(thread.join_until(end, |_| ()));
-        }
-        main.write_events();
-        let end = match (main.powered.is_empty(), is_early) {
-            (true, false) => RunEnd::Clean,
-            (true, true) => RunEnd::LoopEndedEarly,
-            (false, _) => RunEnd::Powered,
-        };
-        (ended, end)
-    }
 }
 
 /// A running thread, with the name for its errors.
@@ -119,27 +85,6 @@ impl NamedThread {
 
     pub(super) fn join(self) -> Result<(), ThreadError> {
         self.handle.join().map_err(|_| ThreadError::Died(self.name))
-    }
-}
-
-/// Time for the other threads to end after the loop, including writing the black box.
-const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum RunEnd {
-    Clean,
-    LoopEndedEarly,
-    /// Drives have not confirmed power-off.
-    Powered,
-}
-
-impl RunEnd {
-    pub(super) fn text(self) -> &'static str {
-        match self {
-            Self::Clean => "clean shutdown",
-            Self::LoopEndedEarly => "the control loop ended early",
-            Self::Powered => "drives have not confirmed power-off",
-        }
     }
 }
 

@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::families::hysteresis::backlash_play::PlayState;
 use crate::model::families::hysteresis::force_balance::state::BalanceState;
 use crate::model::families::network::layers::NetworkState;
 use crate::units::{MAX_MOTORS, MotorVec};
@@ -49,6 +48,19 @@ pub(in crate::model) enum State {
     Network(NetworkState),
 }
 
+/// The most plays per motor, including the play of threshold 0, and the most planar plays.
+pub(in crate::model) const MAX_PLAYS: usize = 13;
+
+/// The positions of the motors and the outputs of the plays.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PlayState {
+    pub(in crate::model) position: MotorVec,
+    pub(in crate::model) outputs: [[f64; MAX_PLAYS]; MAX_MOTORS],
+    pub(in crate::model) planar: [MotorVec; MAX_PLAYS],
+    /// Factor on the thresholds of every motor: 1 as calibrated.
+    pub(in crate::model) gap_scale: MotorVec,
+}
+
 impl Memory {
     /// Scales the gaps of every motor (the thresholds of plays; gap, slack and friction of a
     /// balance) from now on; 1 as calibrated, clamped to 0.2...3. Families without gaps ignore it,
@@ -93,9 +105,6 @@ impl Memory {
         })
     }
 }
-
-/// The gap scale of a calibration.
-pub(in crate::model) const UNSCALED: MotorVec = [1.0; MAX_MOTORS];
 
 /// Limits of the gap scale.
 const MIN_SCALE: f64 = 0.2;

@@ -1,4 +1,4 @@
-//! Pictures of cameras as messages, and the delay of their stamps relative to those of the
+//! Pictures of cameras in a recording, and the delay of their stamps relative to those of the
 //! encoders, measured from the motion of the snake while it is recorded.
 
 use std::collections::BTreeMap;
@@ -8,42 +8,8 @@ use i2ris::ipc::payload::ExternalPosition;
 use i2ris::ipc::{Domain, StreamMessage};
 use i2ris::units::{MAX_MOTORS, MotorVec, Nanos};
 use i2ris_calibration::quality::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
-use i2ris_report::ros::{CompressedImage, Header};
 
-use crate::messages::cdr;
 use crate::recorder::{ALIGNMENT, ALIGNMENT_DEVIATION, MessageCounts, TrialRecorder};
-
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Picture {
-    /// Exposure, Unix time.
-    pub unix_ns: u64,
-    pub jpeg: Vec<u8>,
-}
-
-pub fn topic(view: &str) -> String {
-    format!("/camera/{view}/compressed")
-}
-
-pub fn view(topic: &str) -> Option<&str> {
-    topic.strip_prefix("/camera/")?.strip_suffix("/compressed")
-}
-
-impl Picture {
-    pub fn encode(&self, view: &str) -> Vec<u8> {
-        let (header, format) = (Header::new(self.unix_ns, view), "jpeg".to_owned());
-        let mut bytes = cdr::encode_standard(&CompressedImage { header, format, data: Vec::new() });
-        // Not byte by byte: pictures are large.
-        bytes.truncate(bytes.len() - size_of::<u32>());
-        [&bytes[..], &(self.jpeg.len() as u32).to_le_bytes(), &self.jpeg].concat()
-    }
-
-    /// Decodes a message; `None` if it is not a picture.
-    pub fn decode(message: &[u8]) -> Option<Self> {
-        let (header, _, jpeg): (Header, String, &[u8]) = cdr::decode_standard(message)?;
-        let unix_ns = header.stamp.unix_ns().unwrap_or_default();
-        Some(Self { unix_ns, jpeg: jpeg.to_vec() })
-    }
-}
 
 /// Encoder positions are kept at this distance.
 const STEP_S: f64 = 0.005;
@@ -135,7 +101,7 @@ impl Cameras {
 mod tests {
     use proptest::prelude::*;
 
-    use super::*;
+    use crate::messages::Picture;
 
     proptest! {
         #[test]

@@ -23,8 +23,9 @@ use i2ris_report::ros::{CompressedImage, Text};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 
-use crate::messages::{StandardMessages, Topic, TopicSchema, cdr};
-use crate::pictures::{self, Picture};
+use crate::messages::{
+    McapFile, Picture, StandardMessages, Topic, TopicSchema, cdr, picture_topic,
+};
 
 /// Maximum loss if the program is killed.
 pub const FLUSH_PERIOD: Duration = Duration::from_millis(200);
@@ -112,8 +113,6 @@ pub struct PictureCounts {
     pub over_budget: u64,
 }
 
-pub(crate) type McapFile = Writer<BufWriter<File>>;
-
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 enum Channel {
     Topic(Topic),
@@ -126,7 +125,7 @@ impl Channel {
         match self {
             Self::Topic(topic) => topic.declare(file),
             Self::View(view) => {
-                TopicSchema::of::<CompressedImage>().declare(file, &pictures::topic(view))
+                TopicSchema::of::<CompressedImage>().declare(file, &picture_topic(view))
             }
         }
     }

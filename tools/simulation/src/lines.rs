@@ -18,10 +18,10 @@ use crate::closed_loop::Motors;
 use crate::drive::Drive;
 use crate::drive::frame::{self, Parser};
 use crate::emulator::config::EmulatorConfig;
+use crate::emulator::log::lock;
 use crate::emulator::log::{Event, Log};
 use crate::emulator::plant::Plant;
 use crate::emulator::port::LineTiming;
-use crate::emulator::shared::lock;
 
 /// The first tick. Every drive is brought up long before it.
 const BEGIN: Nanos = Nanos::from_millis(60_000);

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Lags, Operator, StoredOperator};
 use crate::model::error::{ModelError, require};
-use crate::model::families::memory::{State, UNSCALED};
+pub use crate::model::families::memory::PlayState;
+use crate::model::families::memory::{MAX_PLAYS, State};
 use crate::model::maths::matrix_checks::parameters;
 use crate::model::maths::{Local, array, vector};
 use crate::units::{MAX_MOTORS, MotorVec};
@@ -221,7 +222,7 @@ impl<const D: usize> Operator<D> for Plays<D> {
             position,
             outputs: position.map(|at| [at; MAX_PLAYS]),
             planar: [position; MAX_PLAYS],
-            gap_scale: UNSCALED,
+            gap_scale: [1.0; MAX_MOTORS],
         }
     }
 
@@ -314,17 +315,4 @@ impl<const D: usize> StoredOperator<D> for Plays<D> {
     fn unpack_mut(state: &mut State) -> Option<&mut PlayState> {
         if let State::Plays(state) = state { Some(state) } else { None }
     }
-}
-
-/// The most plays per motor, including the play of threshold 0, and the most planar plays.
-const MAX_PLAYS: usize = 13;
-
-/// The positions of the motors and the outputs of the plays.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct PlayState {
-    pub(super) position: MotorVec,
-    pub(super) outputs: [[f64; MAX_PLAYS]; MAX_MOTORS],
-    pub(super) planar: [MotorVec; MAX_PLAYS],
-    /// Factor on the thresholds of every motor: 1 as calibrated.
-    pub(in crate::model) gap_scale: MotorVec,
 }

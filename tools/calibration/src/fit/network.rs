@@ -3,20 +3,19 @@
 //! The recording provides what the file of a network lacks: the hull, the straight line beyond a
 //! step, the deviation on the held-out rows, and the motion after which it forgets the past.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use i2ris::file_permissions::MAX_MODEL_BYTES;
 use i2ris::model::file::{FamilyParameters, OutputSpec};
 use i2ris::model::network::NetworkParameters;
-use i2ris::model::{Memory, Model, ModelError};
+use i2ris::model::{Memory, Model};
 use i2ris::units::MotorVec;
 use serde::{Deserialize, Serialize};
 
 use super::all_families::{TrainingData, outputs_change};
 use super::model_file::Fitted;
 use super::options::FitOptions;
-use super::outcome::FitError;
+use super::outcome::{FitError, NetworkError};
 use super::split::Split;
 use crate::quality::Quality;
 use crate::recording::{PathPoint, Recording};
@@ -171,41 +170,6 @@ fn forgets(model: &Model) -> Vec<f64> {
     let parts = (1..PARTS).map(|part| part as f64 / PARTS as f64);
     let part = parts.clone().find(|size| agree(*size)).unwrap_or(1.0);
     reach.iter().take(model.motors()).map(|reach| 2.0 * part * reach).collect()
-}
-
-/// Why a network is refused. Errors are RMS, in the unit of the outputs.
-#[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
-pub enum NetworkError {
-    #[error("cannot read network {path}: {source}")]
-    Read { path: PathBuf, source: io::Error },
-    #[error("network {path} has {megabytes} MB; at most {} MB are read", MAX_MODEL_BYTES >> 20)]
-    TooLong { path: PathBuf, megabytes: u64 },
-    #[error("network {path}: {source}")]
-    Json { path: PathBuf, source: serde_json::Error },
-    #[error(
-        "is not a network of this version: `{0}`; write it with i2ris.model.from_torch or \
-         from_onnx"
-    )]
-    Format(String),
-    #[error(
-        "the network goes from {found}, and the recording from {wanted}: train it on those \
-         columns, in that order, from counts to angles in degrees"
-    )]
-    Columns { found: String, wanted: String },
-    #[error(
-        "the recording is {steps} steps of {step_counts} counts long, and the network looks at \
-         {least}; record more, or train it on a shorter window"
-    )]
-    Window { steps: usize, step_counts: f64, least: usize },
-    #[error(
-        "on the held-out rows the error of the network is {error:.3}, that of a straight line \
-         {straight:.3}: it was trained on another robot, in other units, or with other steps"
-    )]
-    WorseThanLinear { error: f64, straight: f64 },
-    /// The controller would refuse it as well.
-    #[error("the network {0}")]
-    Refused(ModelError),
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use i2ris::model::file::{FamilyParameters, Mixture, OutputMetrics};
 use super::flatness::flat_spot;
 use super::model_file::{FileContext, Fitted};
 use super::options::{Components, Family, FitOptions};
-use super::outcome::{FamilyOutcome, FitError, Mechanism, noted_also, refused};
+use super::outcome::{FamilyOutcome, FitError, MIN_NRMSD, Mechanism, noted_also, refused};
 use crate::em::EmError;
 use crate::families::chain::ChainOptions;
 use crate::families::force_balance::search::{Start, fit_force_balance};
@@ -23,10 +23,8 @@ use crate::regression::mixture::{RegressionData, SMOOTHING};
 use crate::series::Series;
 use crate::table::DataTable;
 
-/// Maximum error of a family relative to that of a straight line; any error below this part of the
-/// output range passes: on a straight snake all families are good.
+/// Maximum error of a family relative to that of a straight line, where it is not small.
 const MAX_ERROR_RATIO: f64 = 1.05;
-pub(super) const MIN_NRMSD: f64 = 0.01;
 
 /// Minimum number of components of the published mixtures.
 const PUBLISHED: usize = 3;

@@ -1,9 +1,11 @@
 //! Models and the report of their fit.
 
 use std::error::Error;
-use std::fmt;
+use std::path::PathBuf;
 use std::sync::Arc;
+use std::{fmt, io};
 
+use i2ris::file_permissions::MAX_MODEL_BYTES;
 use i2ris::model::file::OutputUnit;
 use i2ris::model::{Model, ModelError};
 use i2ris_report::statistics::min_max;
@@ -11,8 +13,6 @@ use i2ris_report::statistics::min_max;
 use super::choice::{Score, held_out_error};
 use super::flatness::FlatSpot;
 use super::metrics::{along, clipped_rows, predictions};
-use super::network::NetworkError;
-use super::one_family::MIN_NRMSD;
 use super::options::Family;
 use super::split::{Split, SplitError};
 use crate::em::EmError;
@@ -22,6 +22,9 @@ use crate::quality::residual_pattern::Unexplained;
 use crate::quality::{Finding, Quality};
 use crate::recording::Recording;
 use crate::regression::linear::LinearError;
+
+/// Any error below this part of the output range passes: on a straight snake all families are good.
+pub(super) const MIN_NRMSD: f64 = 0.01;
 
 /// Why there is no model. Errors are RMS lengths in the unit of the outputs.
 #[derive(Debug, thiserror::Error)]
@@ -70,6 +73,41 @@ pub enum FitError {
     /// The controller would refuse it as well.
     #[error("the model of family `{family}` is refused: {source}")]
     Refused { family: Family, source: Box<ModelError> },
+}
+
+/// Why a network is refused. Errors are RMS, in the unit of the outputs.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum NetworkError {
+    #[error("cannot read network {path}: {source}")]
+    Read { path: PathBuf, source: io::Error },
+    #[error("network {path} has {megabytes} MB; at most {} MB are read", MAX_MODEL_BYTES >> 20)]
+    TooLong { path: PathBuf, megabytes: u64 },
+    #[error("network {path}: {source}")]
+    Json { path: PathBuf, source: serde_json::Error },
+    #[error(
+        "is not a network of this version: `{0}`; write it with i2ris.model.from_torch or \
+         from_onnx"
+    )]
+    Format(String),
+    #[error(
+        "the network goes from {found}, and the recording from {wanted}: train it on those \
+         columns, in that order, from counts to angles in degrees"
+    )]
+    Columns { found: String, wanted: String },
+    #[error(
+        "the recording is {steps} steps of {step_counts} counts long, and the network looks at \
+         {least}; record more, or train it on a shorter window"
+    )]
+    Window { steps: usize, step_counts: f64, least: usize },
+    #[error(
+        "on the held-out rows the error of the network is {error:.3}, that of a straight line \
+         {straight:.3}: it was trained on another robot, in other units, or with other steps"
+    )]
+    WorseThanLinear { error: f64, straight: f64 },
+    /// The controller would refuse it as well.
+    #[error("the network {0}")]
+    Refused(ModelError),
 }
 
 pub(super) fn refused(family: Family, source: ModelError) -> FitError {

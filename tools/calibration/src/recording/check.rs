@@ -5,7 +5,8 @@ use i2ris_report::statistics::{median, min_max};
 
 use super::columns::{Column, Layout, TIME_UNITS};
 use super::rows::MIN_ROWS;
-use super::table::{Problem, ReadRow, RecordingError, Table};
+use super::sheet::{Problem, RecordingError};
+use super::table::{ReadRow, Table};
 
 /// Plausible rates of rows, Hz, and the least one of a table with more rows than this; otherwise
 /// the stamps are hardly in seconds.

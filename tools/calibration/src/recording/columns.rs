@@ -12,7 +12,7 @@ use std::str::FromStr;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
 
-use super::table::{Place, Problem, RecordingError};
+use super::sheet::{Place, Problem, RecordingError};
 
 /// Known columns of time stamps, in order of preference; of two clocks that of the encoders.
 const TIMES: [&str; 2] = ["t_s", "Enc TS"];

@@ -5,8 +5,8 @@
 //! |---|---|
 //! | `rows` | a recording in memory, read from a table, and written row by row |
 //! | `columns` | the meaning of each column |
-//! | `sheet` | from bytes to cells: separators, comments, headers, truncated ends |
-//! | `table` | from cells to rows of numbers; errors: problem, place and remedy |
+//! | `sheet` | from bytes to cells: separators, comments, headers; errors of a file |
+//! | `table` | from cells to rows of numbers |
 //! | `check` | requirements on tables; counters that wrap, and single wrong counts |
 //! | `plausible` | rows that no motor and no sensor makes |
 
@@ -23,6 +23,6 @@ pub use columns::{
     ColumnMap, OutputColumn, ParseColumnError, TimeColumn, Wanted, column_of, pitch_and_yaw,
 };
 pub(crate) use rows::PathPoint;
-pub use rows::{MIN_ROWS, ReadReport, Recording, RecordingWriter, Row};
-pub use sheet::seconds;
-pub use table::{RecordingError, Rows, read_rows};
+pub use rows::{MIN_ROWS, ReadReport, Recording, RecordingWriter};
+pub use sheet::{RecordingError, seconds};
+pub use table::{Row, Rows, read_rows};

@@ -6,7 +6,8 @@ use i2ris::units::MAX_MOTORS;
 use i2ris_report::statistics::{median, min_max, quantile_of_unsorted};
 use nalgebra::{Matrix3, Vector3};
 
-use super::table::{Problem, ReadRow, RecordingError, Table};
+use super::sheet::{Problem, RecordingError};
+use super::table::{ReadRow, Table};
 
 /// Fewer rows show no pattern.
 const MIN_SHOWN: usize = 50;

@@ -6,41 +6,19 @@ use std::ops::Range;
 use std::path::Path;
 
 use i2ris::model::file::OutputSpec;
-use i2ris::units::{MAX_OUTPUTS, MotorVec};
+use i2ris::units::MotorVec;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::columns::{Column, ColumnMap, Wanted, column_of};
-use super::table::{Problem, ReadRow, RecordingError, Table};
+use super::sheet::{Problem, RecordingError};
+use super::table::{ReadRow, Row, Table};
 
 /// Minimum number of rows of a recording: fewer contain no motion.
 pub const MIN_ROWS: usize = 20;
 
 /// Pause between two recordings that are fitted together, s.
 const PAUSE_S: f64 = 1.0;
-
-/// One row of a recording.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Row {
-    /// Line in the file, counted from 1 with the header.
-    pub line: u64,
-    /// Time stamp, s, of whatever clock the file has.
-    pub time_s: Option<f64>,
-    /// Encoder counts; entries beyond the number of motors are 0.
-    pub counts: MotorVec,
-    /// In the unit of the file (degrees or mm); entries beyond the number of outputs are 0.
-    pub outputs: [f64; MAX_OUTPUTS],
-    /// Index of the position in [`Recording::path`].
-    pub path_index: usize,
-}
-
-impl Row {
-    /// A row for writing: its line and its path index do not matter.
-    pub fn new(time_s: Option<f64>, counts: MotorVec, outputs: [f64; MAX_OUTPUTS]) -> Self {
-        let (line, path_index) = (0, 0);
-        Self { line, time_s, counts, outputs, path_index }
-    }
-}
 
 /// A position on the path of the motors, with or without measured outputs; fields as in [`Row`].
 #[derive(Debug, Clone, Copy, PartialEq)]

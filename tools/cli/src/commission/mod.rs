@@ -1,8 +1,9 @@
-//! `i2ris commission`: the first day on the robot, in stages, each with a separate permission.
+//! `i2ris commission`: the first day on the robot, in stages, each with a separate permission, none
+//! after a failed one.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `session` | the sequence of the stages, and their shared state |
+//! | `session` | the state that the stages share |
 //! | `watch`, `guard`, `node` | motion limits; a drive with power; a drive |
 //! | `reading`, `moving`, `stopping` | the stages |
 //! | `record`, `page` | findings, in a file and on a page; the proposal |
@@ -30,10 +31,10 @@ use i2ris::{clock, drive::DriveError, ipc::client::Client, units::Nanos};
 use i2ris_report::{Failure, Interrupt, bail, files, process::Process, programs::find};
 use i2ris_simulation::drive::DeviceFile;
 
-use crate::procedure::{Person, Procedure, Terminal, permission};
+use crate::procedure::{Ended, Gone, Halt, Person, Place, Procedure, Terminal, permission};
 use crate::start::wait;
 use held_port::HeldPort;
-use record::Record;
+use record::{Outcome, Record, Stage};
 use session::{Lines, Session, keep};
 
 const EXCHANGES: usize = 10_000;
@@ -210,4 +211,74 @@ fn write_changes(file: &Path, old: &str, new: &str, person: &mut Terminal) -> Re
     files::write(file, new)?;
     person.say(&format!("{name} is written; run the same command to continue with it"));
     Ok(())
+}
+
+impl<L: Lines> Procedure for Session<'_, L> {
+    type Stage = Stage;
+
+    fn stages(&self) -> &'static [Stage] {
+        &Stage::ALL
+    }
+
+    fn title(&self, at: &Place<Stage>) -> String {
+        format!("stage {}", at.stage)
+    }
+
+    fn is_done(&self, stage: Stage) -> bool {
+        // Drives may have been replaced.
+        stage != Stage::Identify && self.record.is_done(stage)
+    }
+
+    fn say(&mut self, line: &str) -> Result<(), Failure> {
+        self.person.say(line);
+        Ok(())
+    }
+
+    fn perform(&mut self, at: &Place<Stage>) -> Result<Ended, Halt> {
+        let Place { stage, number, of, .. } = *at;
+        let what = format!("== {number} of {of}: {stage}\n{}", stage.announcement());
+        let yes = permission(self.person, &what, "yes", "any other input ends the run")?;
+        // Not a failure of anything.
+        let yes = yes.ok_or(Gone::NotPermitted)?;
+        if self.ports.is_empty() {
+            self.open()?;
+        }
+        let text = match stage {
+            Stage::Identify => reading::identify(self),
+            Stage::Settings => reading::settings(self),
+            Stage::Power => self.each_motor(&yes, moving::power),
+            Stage::Steps => self.each_motor(&yes, moving::steps),
+            Stage::Gear => self.each_motor(&yes, moving::gear),
+            Stage::Exchanges => reading::exchanges(self),
+            Stage::Stops => stopping::stops(self),
+        }?;
+        Ok(match &self.record.not_asked(stage)[..] {
+            [] => Ended::Done(text),
+            open => Ended::Doubtful(format!("not asked: {}; {text}", open.join(", "))),
+        })
+    }
+
+    fn conclude(&mut self, at: &Place<Stage>, ended: Result<Ended, Halt>) -> Result<(), Failure> {
+        let (stage, title) = (at.stage, self.title(at));
+        let (outcome, text) = match ended {
+            Ok(Ended::Done(text)) => (Outcome::Done, text),
+            Ok(Ended::Doubtful(text)) => (Outcome::Partly, text),
+            Err(Halt::Failed(failure)) => (Outcome::Failed, failure.to_string()),
+            Err(Halt::Gone(gone)) => (Outcome::Left, gone.to_string()),
+        };
+        self.record.end_stage(stage, outcome, text.clone());
+        let captured = self.take_captured();
+        (self.keep)(&self.record, stage, &captured)?;
+        let again = "run the same command";
+        match outcome {
+            Outcome::Done => self.say(&format!("{title}: done. {text}")),
+            Outcome::Partly => {
+                self.say(&format!("{title}: done in part, {again} for the rest. {text}"))
+            }
+            Outcome::Failed => Err(format!("{title} failed: {text}").into()),
+            Outcome::Left => {
+                Err(format!("{title}: {text}; the drives are off; {again} to resume").into())
+            }
+        }
+    }
 }

@@ -4,9 +4,8 @@
 use std::fmt::Write as _;
 
 use i2ris_report::{Axis, Color, Document, Figure, Mark, Panel, Stroke, Table};
-use serde::{Deserialize, Serialize};
 
-use super::record::{Outcome, Record};
+use super::record::{Change, Outcome, Record};
 
 pub fn page(record: &Record, config_name: &str) -> Document {
     let mut page = Document::new(format!("Commissioning of {}", record.robot_id));
@@ -92,15 +91,6 @@ fn exchanges(page: &mut Document, record: &Record) {
     let description = "Histogram of exchange durations, for every port";
     let figure = Figure::new("exchanges", "Exchanges", description).row(200.0, panels.collect());
     page.figure(figure, "Duration of a request and its reply.");
-}
-
-/// A key of a port, or of one of its axes, and its value.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Change {
-    pub port: usize,
-    pub axis: Option<usize>,
-    pub key: String,
-    pub value: String,
 }
 
 /// The changed text, and the differing lines in `diff` format; empty if nothing differs.

@@ -9,8 +9,7 @@ use i2ris::drive::object::{self, Address};
 use i2ris::drive::{cia402::DriveState, latency_timer, survey::nodes_on, transport::Transport};
 use i2ris::{config::AxisConfig, robot::DriveFingerprint, units::Nanos};
 
-use super::page::Change;
-use super::record::{NOT_THERE, Record, Topic};
+use super::record::{Change, NOT_THERE, Record, Topic};
 use super::session::{Lines, OpenPort, Session, ms};
 use crate::doctor::drives::rename_axes;
 use crate::procedure::{Gone, Halt};

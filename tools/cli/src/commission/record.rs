@@ -7,8 +7,6 @@ use i2ris::wall_clock;
 use i2ris_report::{Failure, files};
 use serde::{Deserialize, Serialize};
 
-use super::page::Change;
-
 pub const FILE: &str = "commission.json";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -240,4 +238,13 @@ impl Record {
         all.sort_by_key(|it| it.topic);
         all
     }
+}
+
+/// A key of a port, or of one of its axes, and its value.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Change {
+    pub port: usize,
+    pub axis: Option<usize>,
+    pub key: String,
+    pub value: String,
 }

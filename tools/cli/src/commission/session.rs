@@ -1,5 +1,4 @@
-//! The sequence of the stages, each with a permission, none after a failed one; and their shared
-//! state: ports, motors, operator and record.
+//! The state that the stages share: ports, motors, operator and record.
 
 use std::{collections::BTreeMap, fs, mem, path::Path, rc::Rc};
 
@@ -11,10 +10,9 @@ use i2ris::{clock, robot::DriveFingerprint, units::Nanos, wall_clock};
 use i2ris_report::{Failure, files};
 
 use super::node::Node;
-use super::record::{Outcome, Record, Stage, Topic};
+use super::record::{Record, Stage, Topic};
 use super::watch::PowerCutReason;
-use super::{moving, reading, stopping};
-use crate::procedure::{Ended, Gone, Halt, Permission, Person, Place, Procedure, permission};
+use crate::procedure::{Gone, Halt, Permission, Person};
 
 /// Source of the lines, and of processes next to the commissioning.
 pub trait Lines {
@@ -161,74 +159,4 @@ pub fn keep(
 
 pub fn ms(span: Nanos) -> String {
     format!("{:.1} ms", span.as_seconds() * 1e3)
-}
-
-impl<L: Lines> Procedure for Session<'_, L> {
-    type Stage = Stage;
-
-    fn stages(&self) -> &'static [Stage] {
-        &Stage::ALL
-    }
-
-    fn title(&self, at: &Place<Stage>) -> String {
-        format!("stage {}", at.stage)
-    }
-
-    fn is_done(&self, stage: Stage) -> bool {
-        // Drives may have been replaced.
-        stage != Stage::Identify && self.record.is_done(stage)
-    }
-
-    fn say(&mut self, line: &str) -> Result<(), Failure> {
-        self.person.say(line);
-        Ok(())
-    }
-
-    fn perform(&mut self, at: &Place<Stage>) -> Result<Ended, Halt> {
-        let Place { stage, number, of, .. } = *at;
-        let what = format!("== {number} of {of}: {stage}\n{}", stage.announcement());
-        let yes = permission(self.person, &what, "yes", "any other input ends the run")?;
-        // Not a failure of anything.
-        let yes = yes.ok_or(Gone::NotPermitted)?;
-        if self.ports.is_empty() {
-            self.open()?;
-        }
-        let text = match stage {
-            Stage::Identify => reading::identify(self),
-            Stage::Settings => reading::settings(self),
-            Stage::Power => self.each_motor(&yes, moving::power),
-            Stage::Steps => self.each_motor(&yes, moving::steps),
-            Stage::Gear => self.each_motor(&yes, moving::gear),
-            Stage::Exchanges => reading::exchanges(self),
-            Stage::Stops => stopping::stops(self),
-        }?;
-        Ok(match &self.record.not_asked(stage)[..] {
-            [] => Ended::Done(text),
-            open => Ended::Doubtful(format!("not asked: {}; {text}", open.join(", "))),
-        })
-    }
-
-    fn conclude(&mut self, at: &Place<Stage>, ended: Result<Ended, Halt>) -> Result<(), Failure> {
-        let (stage, title) = (at.stage, self.title(at));
-        let (outcome, text) = match ended {
-            Ok(Ended::Done(text)) => (Outcome::Done, text),
-            Ok(Ended::Doubtful(text)) => (Outcome::Partly, text),
-            Err(Halt::Failed(failure)) => (Outcome::Failed, failure.to_string()),
-            Err(Halt::Gone(gone)) => (Outcome::Left, gone.to_string()),
-        };
-        self.record.end_stage(stage, outcome, text.clone());
-        let captured = self.take_captured();
-        (self.keep)(&self.record, stage, &captured)?;
-        let again = "run the same command";
-        match outcome {
-            Outcome::Done => self.say(&format!("{title}: done. {text}")),
-            Outcome::Partly => {
-                self.say(&format!("{title}: done in part, {again} for the rest. {text}"))
-            }
-            Outcome::Failed => Err(format!("{title} failed: {text}").into()),
-            Outcome::Left => {
-                Err(format!("{title}: {text}; the drives are off; {again} to resume").into())
-            }
-        }
-    }
 }

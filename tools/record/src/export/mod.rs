@@ -24,8 +24,7 @@ use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::wall_clock::WallTime;
 use mcap::records::{MessageHeader, Record};
 
-use crate::messages::{DEFAULT_NAMES, Topic, cdr};
-use crate::pictures::{self, Picture};
+use crate::messages::{DEFAULT_NAMES, Picture, Topic, cdr, view_of_topic};
 use crate::read::{ReadError, Records};
 use crate::recorder::{ALIGNMENT, HEADER, JOINTS, OUTCOME};
 use crate::report::Trial;
@@ -94,7 +93,7 @@ pub fn export(
                 exported.camera_late_s = late.and_then(|text| text.parse().ok());
             }
             Record::Channel(channel) if !tables.contains_key(&channel.id) => {
-                if let Some(view) = pictures::view(&channel.topic).filter(|_| with_pictures) {
+                if let Some(view) = view_of_topic(&channel.topic).filter(|_| with_pictures) {
                     let path = folder.join("pictures").join(view);
                     create_folder(&path)?;
                     views.insert(channel.id, path);

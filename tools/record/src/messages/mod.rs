@@ -6,17 +6,23 @@ pub mod cdr;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::fs::File;
+use std::io::BufWriter;
 
 use i2ris::ipc::payload::{
     FieldType, JointState, OperatingStateMsg, PayloadLayout, ServoJp, Version, unpadded_text,
 };
 use i2ris::ipc::{OperatingState, Stream, StreamMessage};
 use i2ris::units::Nanos;
-use i2ris_report::ros::{self, Header, PoseStamped, SEPARATOR, Text, Transforms, Typed};
+use i2ris_report::ros::{
+    self, CompressedImage, Header, PoseStamped, SEPARATOR, Text, Transforms, Typed,
+};
 use i2ris_report::snake::{Bend, Snake};
+use mcap::Writer;
 
-use crate::recorder::McapFile;
 use cdr::encode_standard;
+
+pub(crate) type McapFile = Writer<BufWriter<File>>;
 
 /// Name of the schema language in MCAP.
 const SCHEMA_ENCODING: &str = "ros2msg";
@@ -290,6 +296,40 @@ pub fn joint_names(version: &Version) -> Vec<String> {
 /// has a recording of its own.
 pub fn snake() -> Snake {
     Snake::new("i2ris")
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Picture {
+    /// Exposure, Unix time.
+    pub unix_ns: u64,
+    pub jpeg: Vec<u8>,
+}
+
+/// The topic of the pictures of a view.
+pub fn picture_topic(view: &str) -> String {
+    format!("/camera/{view}/compressed")
+}
+
+/// The view whose pictures a topic has, if it has any.
+pub fn view_of_topic(topic: &str) -> Option<&str> {
+    topic.strip_prefix("/camera/")?.strip_suffix("/compressed")
+}
+
+impl Picture {
+    pub fn encode(&self, view: &str) -> Vec<u8> {
+        let (header, format) = (Header::new(self.unix_ns, view), "jpeg".to_owned());
+        let mut bytes = encode_standard(&CompressedImage { header, format, data: Vec::new() });
+        // Not byte by byte: pictures are large.
+        bytes.truncate(bytes.len() - size_of::<u32>());
+        [&bytes[..], &(self.jpeg.len() as u32).to_le_bytes(), &self.jpeg].concat()
+    }
+
+    /// Decodes a message; `None` if it is not a picture.
+    pub fn decode(message: &[u8]) -> Option<Self> {
+        let (header, _, jpeg): (Header, String, &[u8]) = cdr::decode_standard(message)?;
+        let unix_ns = header.stamp.unix_ns().unwrap_or_default();
+        Some(Self { unix_ns, jpeg: jpeg.to_vec() })
+    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@ use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::PicturePublisher;
 use i2ris::units::Nanos;
-use i2ris_record::pictures::{Alignment, Picture, view};
+use i2ris_record::messages::{Picture, view_of_topic};
+use i2ris_record::pictures::Alignment;
 use i2ris_record::read::Records;
 use i2ris_record::report::TrialReport;
 use i2ris_testing::bench::{WorkFolder, prints, start};
@@ -37,7 +38,7 @@ fn pictures(file: &Path) -> Vec<(String, Picture)> {
     for record in Records::open(file).unwrap() {
         match record {
             Record::Channel(channel) => {
-                if let Some(view) = view(&channel.topic) {
+                if let Some(view) = view_of_topic(&channel.topic) {
                     views.insert(channel.id, view.to_owned());
                 }
             }

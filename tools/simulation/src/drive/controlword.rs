@@ -1,8 +1,8 @@
 //! Effects of controlwords and faults; the statusword and other objects computed when read.
 
 use super::device::{Drive, Homing, Setpoints};
-use super::dictionary::Mode;
 use super::event::{EventKind, Fault, HostBug, Reaction};
+use super::family::Mode;
 use super::state::{DeviceCommand, State, Task};
 
 /// Bit 4: new setpoint, or start homing.

@@ -2,10 +2,11 @@
 
 use i2ris::units::Nanos;
 
-use super::dictionary::{Address, Dictionary, Mode, ObjectMap};
+use super::command_set::SegmentedTransfer;
+use super::dictionary::{Dictionary, ObjectMap};
 use super::event::{EventKind, Fault};
+use super::family::{Address, Mode};
 use super::motor::{Demand, DriveConfig, Motor};
-use super::service::SegmentedTransfer;
 use super::state::{State, Task};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use i2ris::drive::objects::{self, Access, Entry, Kind};
 
-use super::dictionary::Family;
+use super::family::Family;
 
 /// The objects of a real drive.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,4 +1,4 @@
-//! Drive families, and their objects: the values of all, and the checks on access.
+//! The objects of the families: the values of all, and the checks on access.
 
 use std::sync::Arc;
 
@@ -7,89 +7,7 @@ use i2ris::drive::objects::{self, Access, Entry, Kind};
 use super::command_set::Abort;
 use super::device_file::DeviceFile;
 use super::event::Fault;
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Family {
-    /// EPOS4, firmware 0x0170.
-    #[default]
-    Epos4,
-    Epos2,
-}
-
-impl Family {
-    /// The family in the table of objects.
-    pub(super) const fn config(self) -> i2ris::config::Family {
-        match self {
-            Self::Epos4 => i2ris::config::Family::Epos4,
-            Self::Epos2 => i2ris::config::Family::Epos2,
-        }
-    }
-
-    pub(super) fn map(self) -> &'static ObjectMap {
-        match self {
-            Self::Epos4 => &EPOS4,
-            Self::Epos2 => &EPOS2,
-        }
-    }
-
-    /// The mode with this number (object 0x6060), if the family has it.
-    pub fn mode(self, number: i64) -> Option<Mode> {
-        Some(match (self, number) {
-            (_, 1) => Mode::ProfilePosition,
-            (_, 3) => Mode::ProfileVelocity,
-            (_, 6) => Mode::Homing,
-            (Self::Epos4, 8) => Mode::CyclicPosition,
-            (Self::Epos4, 9) => Mode::CyclicVelocity,
-            (Self::Epos4, 10) => Mode::CyclicTorque,
-            (Self::Epos2, -1) => Mode::Position,
-            (Self::Epos2, -2) => Mode::Velocity,
-            (Self::Epos2, -3) => Mode::Current,
-            _ => return None,
-        })
-    }
-}
-
-/// A mode of operation (object 0x6060).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Mode {
-    #[default]
-    ProfilePosition = 1,
-    ProfileVelocity = 3,
-    Homing = 6,
-    CyclicPosition = 8,
-    CyclicVelocity = 9,
-    CyclicTorque = 10,
-    /// EPOS2 position mode: every setpoint acts at once.
-    Position = -1,
-    /// EPOS2 velocity mode: every setpoint acts at once.
-    Velocity = -2,
-    /// EPOS2 current mode.
-    Current = -3,
-}
-
-impl Mode {
-    pub const fn number(self) -> i8 {
-        self as i8
-    }
-
-    /// Its abbreviation in maxon's documents.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::ProfilePosition => "PPM",
-            Self::ProfileVelocity => "PVM",
-            Self::Homing => "HMM",
-            Self::CyclicPosition => "CSP",
-            Self::CyclicVelocity => "CSV",
-            Self::CyclicTorque => "CST",
-            Self::Position => "position",
-            Self::Velocity => "velocity",
-            Self::Current => "current",
-        }
-    }
-}
-
-/// Index and subindex of an object.
-pub(super) type Address = (u16, u8);
+use super::family::{Address, Family};
 
 /// The objects of a family, and those that differ between the families.
 #[derive(Debug)]
@@ -170,6 +88,15 @@ pub struct Dictionary {
 pub struct Value {
     pub kind: Kind,
     pub value: i64,
+}
+
+impl Family {
+    pub(super) fn map(self) -> &'static ObjectMap {
+        match self {
+            Self::Epos4 => &EPOS4,
+            Self::Epos2 => &EPOS2,
+        }
+    }
 }
 
 impl Dictionary {

@@ -1,6 +1,6 @@
 //! Fault codes with the reactions to them; events of an axis, for the log.
 
-use super::dictionary::{Family, Mode};
+use super::family::{Family, Mode};
 use super::state::State;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,7 +7,8 @@
 //! | file | content |
 //! |---|---|
 //! | `device` | [`Drive`]: its state, start-up, encoder, snapshot |
-//! | `dictionary` | EPOS4 and EPOS2: modes of operation; objects, their values, checks on access |
+//! | `family` | EPOS4 and EPOS2, modes of operation |
+//! | `dictionary` | objects, their values, checks on access |
 //! | `device_file` | objects of a real drive, as written by maxon's tool |
 //! | `state` | CiA 402 state machine, and the motor task of the drive |
 //! | `controlword` | effects of a controlword; objects computed when they are read |
@@ -24,6 +25,7 @@ mod device;
 mod device_file;
 mod dictionary;
 pub(crate) mod event;
+mod family;
 pub mod frame;
 mod motion;
 mod motor;
@@ -35,8 +37,8 @@ mod tests;
 pub use command_set::Abort;
 pub use device::{Drive, DriveSnapshot};
 pub use device_file::{DeviceFile, DeviceFileError};
-pub use dictionary::{Family, Mode};
 pub use event::{Fault, Reaction};
+pub use family::{Family, Mode};
 pub use motor::{Demand, DriveConfig, Limits, Motor, MotorConfig, ProfileLimits};
 pub use service::{Gateway, Reply};
 pub use state::State;

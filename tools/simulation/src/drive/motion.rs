@@ -2,8 +2,8 @@
 
 use super::controlword::{HALT, START};
 use super::device::{Drive, Homing, Setpoints};
-use super::dictionary::Mode;
 use super::event::{EventKind, Fault};
+use super::family::Mode;
 use super::motor::{Demand, Limits, ProfileLimits};
 use super::state::{State, Task};
 

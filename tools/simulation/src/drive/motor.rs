@@ -1,7 +1,7 @@
 //! Motor, encoder and position controller of one drive; the demand, moved by profiles and ramps.
 
 use super::device_file::DeviceFile;
-use super::dictionary::Family;
+use super::family::Family;
 
 /// Parameters of the motor and its position controller.
 #[derive(Debug, Clone, PartialEq)]

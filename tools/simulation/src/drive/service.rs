@@ -3,10 +3,10 @@
 use i2ris::drive::objects::Kind;
 use i2ris::units::Nanos;
 
-use super::command_set::{Abort, Addressed, Segment, Service, decode};
+use super::command_set::{Abort, Addressed, Service, decode};
 use super::device::{Drive, factory_settings};
-use super::dictionary::{Address, Family};
 use super::event::{EventKind, HostBug, LineTrouble};
+use super::family::{Address, Family};
 use super::frame::{Incoming, Request};
 use super::state::State;
 
@@ -256,64 +256,5 @@ impl Gateway {
     /// Additional time for a request to a node, and the abort code if it does not answer.
     pub fn forward(self, node_answers: bool) -> (Nanos, Option<Abort>) {
         if node_answers { (self.round_trip, None) } else { (self.timeout, Some(Abort::SdoTimeout)) }
-    }
-}
-
-/// A segmented transfer. `toggle` is the toggle bit of the next segment.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub(super) enum SegmentedTransfer {
-    #[default]
-    Idle,
-    /// The bytes that are left to read.
-    Read { left: Vec<u8>, toggle: bool },
-    /// The bytes that have been written so far, of `length`.
-    Write { to: Address, length: usize, written: Vec<u8>, toggle: bool },
-}
-
-impl SegmentedTransfer {
-    /// Starts a read of these bytes; no bytes end it at once.
-    fn start_read(&mut self, left: Vec<u8>) {
-        *self = if left.is_empty() { Self::Idle } else { Self::Read { left, toggle: false } };
-    }
-
-    /// Starts a write of `length` bytes.
-    fn start_write(&mut self, to: Address, length: usize) {
-        *self = Self::Write { to, length, written: Vec::new(), toggle: false };
-    }
-
-    /// The next segment of `most` bytes or less; whether it is the last. A wrong toggle ends it.
-    fn read(&mut self, toggle: bool, most: usize) -> Result<(Vec<u8>, bool), Abort> {
-        match std::mem::take(self) {
-            Self::Read { mut left, toggle: expected } if toggle == expected => {
-                let rest = left.split_off(left.len().min(most));
-                let last = rest.is_empty();
-                if !last {
-                    *self = Self::Read { left: rest, toggle: !toggle };
-                }
-                Ok((left, last))
-            }
-            _ => Err(Abort::Toggle),
-        }
-    }
-
-    /// Takes a segment. The last one returns the object and the value to write.
-    fn write(&mut self, segment: &Segment) -> Result<Option<(Address, u32)>, Abort> {
-        match std::mem::take(self) {
-            Self::Write { to, length, mut written, toggle } if toggle == segment.toggle => {
-                let used = segment.bytes.get(..usize::from(segment.length));
-                written.extend_from_slice(used.ok_or(Abort::Length)?);
-                if !segment.last {
-                    *self = Self::Write { to, length, written, toggle: !toggle };
-                    return Ok(None);
-                }
-                if written.len() != length || !(1..=4).contains(&length) {
-                    return Err(Abort::Length);
-                }
-                written.resize(4, 0);
-                let raw = written.try_into().map_err(|_| Abort::Length)?;
-                Ok(Some((to, u32::from_le_bytes(raw))))
-            }
-            _ => Err(Abort::Toggle),
-        }
     }
 }

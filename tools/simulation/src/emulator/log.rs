@@ -5,15 +5,18 @@ use std::fmt;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use i2ris::units::Nanos;
 
-use super::shared::lock;
 pub use crate::drive::event::{EventKind, HostBug, LineTrouble};
 
 /// Maximum number of events in memory: half an hour of two axes at full rate.
 const MAX_EVENTS: usize = 1_000_000;
+
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Something that happened on one axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

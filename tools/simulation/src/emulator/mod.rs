@@ -5,7 +5,8 @@
 //! | `config` | configuration; snakes by name, physics and seed, or from a file |
 //! | `plant` | drives, wires and snake in time steps; pure |
 //! | `injection` | injected faults, and damage to bytes |
-//! | `scenario` | files with faults and their times; the control socket: commands while it runs |
+//! | `scenario` | files with faults and their times |
+//! | `player` | plays them; the control socket: commands while it runs |
 //! | `port` | pseudo-terminals, line timing |
 //! | [`log`] | events in memory and in a file |
 //! | `shared` | the state of the threads |
@@ -14,6 +15,7 @@ pub(crate) mod config;
 pub(crate) mod injection;
 pub mod log;
 pub(crate) mod plant;
+mod player;
 pub(crate) mod port;
 pub(crate) mod scenario;
 pub(crate) mod shared;
@@ -37,11 +39,11 @@ use crate::camera::Camera;
 use crate::drive::{Drive, DriveSnapshot, Fault};
 use config::EmulatorConfig;
 use injection::Injection;
-use log::{Event, Log, LogError};
+use log::{Event, Log, LogError, lock};
 use plant::Plant;
 use port::{FolderError, Port, PortFolder};
 use scenario::Scenario;
-use shared::{Shared, lock};
+use shared::Shared;
 
 /// How often the plant advances when no request advances it.
 const PLANT_PERIOD: Nanos = Nanos::from_millis(2);
@@ -124,13 +126,13 @@ impl Emulator {
         let (scenario, seed) = (emulator.config.scenario.clone(), emulator.config.seed);
         if scenario != Scenario::default() {
             emulator.spawn("scenario", move |shared| {
-                scenario::play(&shared, &scenario, seed);
+                player::play(&shared, &scenario, seed);
             })?;
         }
-        let socket = emulator.config.folder.join(scenario::SOCKET);
-        let listener = scenario::open_socket(&socket)?;
+        let socket = emulator.config.folder.join(player::SOCKET);
+        let listener = player::open_socket(&socket)?;
         emulator.spawn("control", move |shared| {
-            scenario::serve_socket(&listener, &socket, &shared);
+            player::serve_socket(&listener, &socket, &shared);
         })?;
         Ok(emulator)
     }

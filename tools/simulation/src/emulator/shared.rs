@@ -2,13 +2,13 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
 
 use super::injection::Injection;
-use super::log::Log;
+use super::log::{Log, lock};
 use super::plant::{Plant, Wire};
 use crate::ageing::Change;
 use crate::camera::TimedCameraFault;
@@ -44,10 +44,6 @@ struct PendingFaults {
     exchanges: VecDeque<Injection>,
     hang_up: Option<Nanos>,
     muted_until: Nanos,
-}
-
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Line {

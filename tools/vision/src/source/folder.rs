@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 
 use i2ris::units::Nanos;
 
-use super::stream::FrameSource;
-use super::{Frame, FrameFault, Picture, SourceError};
+use super::{Frame, FrameFault, FrameSource, Picture, SourceError};
 use crate::image::decode;
 
 /// Missing frames in a row that are reported one by one: beyond, the numbering jumped.

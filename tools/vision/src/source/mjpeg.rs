@@ -4,8 +4,8 @@
 use std::collections::VecDeque;
 use std::io::{BufReader, Read};
 
-use super::stream::{BUFFER, FrameClock, FrameSource};
-use super::{Frame, FrameFault, Picture, SourceError};
+use super::stream::{BUFFER, FrameClock};
+use super::{Frame, FrameFault, FrameSource, Picture, SourceError};
 use crate::image::decode;
 
 /// Maximum length of a file, bytes: a longer one is not from a camera.

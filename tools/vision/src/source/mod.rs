@@ -15,7 +15,12 @@ use crate::image::GreyImage;
 
 pub use folder::ImageFolder;
 pub use mjpeg::MjpegStream;
-pub use stream::{FrameClock, FrameSource, FrameStream};
+pub use stream::{FrameClock, FrameStream};
+
+pub trait FrameSource: Send {
+    /// The next frame; `None` at the end.
+    fn next(&mut self) -> Result<Option<Frame>, SourceError>;
+}
 
 /// A frame, or the fault in its place.
 #[derive(Debug, Clone, PartialEq)]

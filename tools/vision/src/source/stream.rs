@@ -10,7 +10,7 @@ use std::io::{BufRead, BufReader, Read};
 use i2ris::units::Nanos;
 
 use super::folder::seconds;
-use super::{Frame, SourceError};
+use super::{Frame, FrameSource, SourceError};
 use crate::image::GreyImage;
 
 const FRAME: &str = "FRAME";
@@ -18,11 +18,6 @@ const FRAME: &str = "FRAME";
 pub(super) const BUFFER: usize = 1 << 18;
 /// Maximum length of a header line, bytes.
 const MAX_LINE: usize = 512;
-
-pub trait FrameSource: Send {
-    /// The next frame; `None` at the end.
-    fn next(&mut self) -> Result<Option<Frame>, SourceError>;
-}
 
 pub enum FrameClock {
     /// The instant that its last byte arrived.

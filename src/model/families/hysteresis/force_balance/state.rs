@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 use super::ForceBalance;
 use super::elements::Wires;
 use super::parameters::{CREEPING, OWN_STOPS, REACH, SHARED_STOPS, TIMES_S};
-use crate::model::families::memory::UNSCALED;
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// Factors on friction stay above this, however far a snake is bent.
@@ -53,7 +52,7 @@ impl BalanceState {
             own: [[0.0; OWN_STOPS]; MAX_MOTORS],
             shared: [MotorVec::default(); SHARED_STOPS],
             crept: [[0.0; CREEPING]; MAX_MOTORS],
-            gap_scale: UNSCALED,
+            gap_scale: [1.0; MAX_MOTORS],
             slack: MotorVec::default(),
             play: MotorVec::default(),
         }

@@ -6,8 +6,7 @@ use nalgebra::{DVector, SVector};
 use proptest::prelude::*;
 
 use super::play_fit::{PlayError, fit_play};
-use super::thresholds::Thresholds;
-use super::weights::{FIRST_WEIGHT, PlayStates, Weights, fit_weights, improve};
+use super::weights::{FIRST_WEIGHT, PlayStates, Thresholds, Weights, fit_weights, improve};
 use crate::em::EmOptions;
 use crate::families::chain::ChainOptions;
 use crate::progress::Silent;

@@ -5,11 +5,9 @@
 //! other samples, and a ridge regression on their shape and on all lags.
 
 use i2ris::model::ModelError;
-use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris_report::statistics::median;
-use nalgebra::DVector;
 
-use super::weights::{PlayStates, fit_weights};
+use super::weights::{PlayStates, Thresholds, fit_weights};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::regression::ridge::ridge;
@@ -17,32 +15,6 @@ use crate::series::{Series, blocks};
 
 /// Minimum width of a gap that can be distinguished from the rounding of the encoder, counts.
 const MIN_COUNTS: f64 = 4.0;
-
-/// Thresholds of the plays of all motors, and of the planar plays, counts.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Thresholds {
-    /// Per motor, rising from 0.
-    pub motors: Vec<Vec<f64>>,
-    /// Rising from above 0; none for one motor.
-    pub planar: Vec<f64>,
-}
-
-impl Thresholds {
-    pub fn with(&self, weights: &[DVector<f64>]) -> PlayParameters {
-        PlayParameters {
-            thresholds_counts: self.motors.clone(),
-            weights: weights.iter().map(|motor| motor.as_slice().to_vec()).collect(),
-            planar_thresholds_counts: self.planar.clone(),
-        }
-    }
-
-    /// All weight on the threshold 0: virtual counts are counts.
-    pub fn idle(&self) -> PlayParameters {
-        let first = |play, _| if play == 0 { 1.0 } else { 0.0 };
-        let unit = |motor: &Vec<f64>| DVector::from_fn(motor.len(), first);
-        self.with(&self.motors.iter().map(unit).collect::<Vec<_>>())
-    }
-}
 
 /// The thresholds that the travel of one motor can show.
 #[derive(Debug, Clone, Copy, PartialEq)]

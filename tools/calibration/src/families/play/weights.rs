@@ -9,11 +9,11 @@
 use std::ops::Range;
 
 use i2ris::model::ModelError;
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::units::MotorVec;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::super::chain::{TracePoint, feature_matrix, trace_plays};
-use super::thresholds::Thresholds;
 use crate::regression::linear::nnls;
 use crate::series::Series;
 
@@ -149,6 +149,32 @@ fn shortened(
         let there = Linearised::polynomial(states, &next)?;
         (there.square() < square).then_some((next, there))
     })
+}
+
+/// Thresholds of the plays of all motors, and of the planar plays, counts.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Thresholds {
+    /// Per motor, rising from 0.
+    pub motors: Vec<Vec<f64>>,
+    /// Rising from above 0; none for one motor.
+    pub planar: Vec<f64>,
+}
+
+impl Thresholds {
+    pub fn with(&self, weights: &[DVector<f64>]) -> PlayParameters {
+        PlayParameters {
+            thresholds_counts: self.motors.clone(),
+            weights: weights.iter().map(|motor| motor.as_slice().to_vec()).collect(),
+            planar_thresholds_counts: self.planar.clone(),
+        }
+    }
+
+    /// All weight on the threshold 0: virtual counts are counts.
+    pub fn idle(&self) -> PlayParameters {
+        let first = |play, _| if play == 0 { 1.0 } else { 0.0 };
+        let unit = |motor: &Vec<f64>| DVector::from_fn(motor.len(), first);
+        self.with(&self.motors.iter().map(unit).collect::<Vec<_>>())
+    }
 }
 
 /// The plays at every sample. Counts are divided by `scale`.
