@@ -233,7 +233,7 @@ pub struct Row {
     pub counts: MotorVec,
     /// In the unit of the file (degrees or mm); entries beyond the number of outputs are 0.
     pub outputs: [f64; MAX_OUTPUTS],
-    /// Index of the position in [`Recording::path`].
+    /// Index of the position in the path of the recording.
     pub path_index: usize,
 }
 
