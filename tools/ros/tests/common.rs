@@ -246,12 +246,15 @@ impl Peer {
     }
 
     pub fn wait_for_line(&mut self, topic: &str, words: &str) -> String {
-        wait_until(words, || {
-            self.update();
-            let mut lines = self.lines.iter();
-            let found = lines.find(|(on, line)| *on == topic && line.contains(words));
-            found.map(|(_, line)| line.clone())
-        })
+        wait_until(words, || self.line(topic, words))
+    }
+
+    /// The first line with these words, if there was one so far.
+    pub fn line(&mut self, topic: &str, words: &str) -> Option<String> {
+        self.update();
+        let mut lines = self.lines.iter();
+        let found = lines.find(|(on, line)| *on == topic && line.contains(words));
+        found.map(|(_, line)| line.clone())
     }
 
     /// Waits until the robot is running and listens.

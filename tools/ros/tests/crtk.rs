@@ -189,13 +189,21 @@ fn rates_move_the_snake_and_zero_stops_it() {
     assert!((4.0..9.0).contains(&pitch) && yaw.abs() < 0.3, "{pitch} {yaw}");
     robot.wait_until_still();
     // Ten times a second.
-    let from = pitch;
-    repeat(20, 100, |number| {
-        peer.send_degrees("interpolate_jp", [from - 0.1 * f64::from(number), 0.0]);
+    wait_until("goals ten times a second are followed", || {
+        let [from, _] = peer.setpoint_degrees();
+        repeat(20, 100, |number| {
+            peer.send_degrees("interpolate_jp", [from - 0.1 * f64::from(number), 0.0]);
+        });
+        robot.wait_until_still();
+        let [pitch, _] = peer.setpoint_degrees();
+        let is_there = (pitch - (from - 1.9)).abs() < 0.3;
+        if !is_there {
+            // A stream that came late on a busy computer begins again after a silence.
+            clock::sleep(Nanos::from_millis(1100));
+            peer.hold();
+        }
+        is_there
     });
-    robot.wait_until_still();
-    let [pitch, _] = peer.setpoint_degrees();
-    assert!((pitch - (from - 1.9)).abs() < 0.3, "{pitch} from {from}");
     peer.send_message("servo_jv", JointState { velocity: vec![0.1], ..JointState::default() });
     peer.wait_for_line("warning", "servo_jv: 1 positions for 2 joints");
     let wrong = JointState { velocity: vec![f64::NAN, 0.0], ..JointState::default() };

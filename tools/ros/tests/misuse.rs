@@ -184,16 +184,18 @@ fn two_publishers_in_one_process_are_two_clients() {
 #[test]
 fn a_flood_ends_in_a_hold() {
     let (robot, bridge, mut peer) = enabled();
-    let (start, mut next, mut sent) = (clock::now(), clock::now(), 0_u64);
-    while clock::now() - start < Nanos::from_millis(2000) {
-        let t = (clock::now() - start).as_seconds();
-        peer.send_degrees("servo_jp", swing(t));
-        sent += 1;
-        next = next + Nanos::from_micros(100);
-        clock::sleep_until(next);
-    }
-    assert!(sent > 5000, "a flood: {sent}");
-    let line = peer.wait_for_line("warning", "messages a second");
+    let start = clock::now();
+    // On a busy computer some floods are none.
+    let line = wait_until("the flood is named", || {
+        let (from, mut next) = (clock::now(), clock::now());
+        while clock::now() - from < Nanos::from_millis(2000) {
+            let t = (clock::now() - start).as_seconds();
+            peer.send_degrees("servo_jp", swing(t));
+            next = next + Nanos::from_micros(100);
+            clock::sleep_until(next);
+        }
+        peer.line("warning", "messages a second")
+    });
     assert!(line.starts_with("/console: servo_jp"), "{line}");
     robot.wait_until_still();
     // The hold stays while the flood continues, and the stream after it does not resume.

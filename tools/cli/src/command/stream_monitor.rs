@@ -2,12 +2,12 @@
 
 use i2ris::ipc::{Fault, MaskedClientId, Message, OperatingState, Refusal};
 use i2ris::robot::{Cause, Reason, Stop};
-use i2ris::{ipc::payload::OperatingStateMsg, units::Nanos};
+use i2ris::{ipc::client::effect::SILENCE, ipc::payload::OperatingStateMsg, units::Nanos};
 use i2ris_simulation::motion::trajectory_time::MAX_STEP_S;
 
 use super::held_up::{self, HeldUp};
 
-/// Time without an accepted command, and age of the state, at which the program gives up.
+/// Time without an accepted command at which the program gives up.
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 /// Number of consecutive restarts of a stream without a followed command. A controller that
@@ -52,7 +52,10 @@ pub enum StopReason {
     Stopped(Stop),
     #[error("the controller accepts no command; see its log")]
     Ignored,
-    #[error("the controller has not reported its state for more than a second; see its log")]
+    #[error(
+        "the controller has not reported its state for more than {} s; see its log",
+        SILENCE.as_seconds()
+    )]
     Silent,
     #[error("the controller was restarted; check the robot before you continue")]
     Restarted,
@@ -132,7 +135,7 @@ impl StreamMonitor {
         if state.boot_id != self.boot_id {
             return Err(StopReason::Restarted);
         }
-        if state.age(now) > TIMEOUT {
+        if state.age(now) > SILENCE {
             return Err(StopReason::Silent);
         }
         if let Some(longest) = self.held_up.check(state, now) {
@@ -343,7 +346,7 @@ mod tests {
 
     #[test]
     fn an_old_state_and_a_restart_end_the_stream() {
-        assert_eq!(monitor().check(&state(at(0)), at(1200)), Err(StopReason::Silent));
+        assert_eq!(monitor().check(&state(at(0)), at(3200)), Err(StopReason::Silent));
         let restarted = OperatingStateMsg { boot_id: 2, ..state(at(1)) };
         assert_eq!(monitor().check(&restarted, at(1)), Err(StopReason::Restarted));
     }
