@@ -185,7 +185,7 @@ fn two_publishers_in_one_process_are_two_clients() {
 fn a_flood_ends_in_a_hold() {
     let (robot, bridge, mut peer) = enabled();
     let start = clock::now();
-    // On a busy computer some floods are none.
+    // On a busy computer a flood may come slowly.
     let line = wait_until("the flood is named", || {
         let (from, mut next) = (clock::now(), clock::now());
         while clock::now() - from < Nanos::from_millis(2000) {

@@ -305,7 +305,7 @@ pub struct Picture {
     pub jpeg: Vec<u8>,
 }
 
-/// The topic of the pictures of a view.
+/// The topic that has the pictures of this view.
 pub fn picture_topic(view: &str) -> String {
     format!("/camera/{view}/compressed")
 }
