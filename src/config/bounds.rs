@@ -1,5 +1,5 @@
 //! The ranges of all keys with a number: one table, read by the validation and by the JSON Schema,
-//! which `i2ris doctor config` prints; and what is found in a file.
+//! which `i2ris doctor config` prints. A value that is refused is a [`Finding`].
 
 use std::fmt::{self, Display};
 

@@ -1,6 +1,5 @@
 //! The run log: one JSON object per line for every start and end of the controller and every state
-//! change with its cause. Lines are only ever appended. And the line of the operator log, with its
-//! time.
+//! change with its cause. Lines are only ever appended. `write_line` is for the operator log.
 
 use std::fmt;
 use std::fs::{DirBuilder, File, OpenOptions};

@@ -203,8 +203,8 @@ pub fn recorder_of(trial: &Path) -> Pid {
     Pid::from_raw(recording["pid"].as_i64().unwrap().try_into().unwrap())
 }
 
-/// How long the threads of a process have waited for a processor, s: the busiest computer delays
-/// what they write.
+/// The longest time that a thread of a process has waited for a processor, s: on a busy computer
+/// it writes later.
 fn waited_s(process: Pid) -> f64 {
     let threads = fs::read_dir(format!("/proc/{process}/task")).unwrap();
     let waited_ns = |thread: io::Result<fs::DirEntry>| -> Option<f64> {
