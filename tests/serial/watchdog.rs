@@ -10,6 +10,7 @@ mod replug;
 
 use std::os::unix::net::UnixDatagram;
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use hangs::HungThread;
@@ -118,8 +119,7 @@ impl Drop for WatchedRig {
         let id = Pid::from_raw(self.watchdog.id() as i32);
         if self.watchdog.try_wait().is_ok_and(|ended| ended.is_none()) {
             let _ = kill(id, Signal::SIGTERM);
-            // A test may have stopped it.
-            let _ = kill(id, Signal::SIGCONT);
+            let _ = kill(id, Signal::SIGCONT); // A test may have stopped it.
         }
         let _ = self.watchdog.wait();
     }
@@ -130,16 +130,16 @@ fn is_locked(device: &Path) -> bool {
     fs::File::open(device).is_ok_and(|file| file.try_lock().is_err())
 }
 
-/// Serialises these tests: a rig has about twenty threads, and an emulated drive on a thread of
-/// ordinary priority must reply in time.
-fn alone() -> MutexGuard<'static, ()> {
-    static ONE: Mutex<()> = Mutex::new(());
-    ONE.lock().unwrap_or_else(PoisonError::into_inner)
+/// Two of these tests at once: a rig has twenty threads, and its drives must reply in time.
+fn in_turn() -> MutexGuard<'static, ()> {
+    static TURNS: [Mutex<()>; 2] = [const { Mutex::new(()) }; 2];
+    static NEXT: AtomicUsize = AtomicUsize::new(0);
+    TURNS[NEXT.fetch_add(1, Relaxed) % 2].lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[test]
 fn h03_the_drives_of_a_killed_controller_are_stopped() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut watched = WatchedRig::new(3000);
     watched.end_with(Signal::SIGKILL);
     watched.until_stopped();
@@ -151,7 +151,7 @@ fn h03_the_drives_of_a_killed_controller_are_stopped() {
 
 #[test]
 fn h03_the_drives_of_a_hanging_controller_are_stopped() {
-    let _alone = alone();
+    let _turn = in_turn();
     let watched = WatchedRig::new(3000);
     watched.rig.signal(Signal::SIGSTOP);
     watched.until_stopped();
@@ -169,7 +169,7 @@ fn h03_the_drives_of_a_hanging_controller_are_stopped() {
 /// A silent drive is not off, even if the controller is in a fault because of it.
 #[test]
 fn h03_lost_drive_is_stopped_after_controller_dies_in_fault() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut rig = Rig::start();
     rig.config.limits.feedback_stale_ms = 1000;
     let mut watched = WatchedRig::with(rig, 3000);
@@ -185,7 +185,7 @@ fn h03_lost_drive_is_stopped_after_controller_dies_in_fault() {
 
 #[test]
 fn clean_controller_exit_triggers_no_watchdog_stop() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut watched = WatchedRig::new(3000);
     watched.end_with(Signal::SIGTERM);
     watched.until_logged("ended with its drives off");
@@ -196,7 +196,7 @@ fn clean_controller_exit_triggers_no_watchdog_stop() {
 
 #[test]
 fn h03_a_controller_killed_while_disabled_starts_again() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut watched = WatchedRig::without_controller(Rig::start(), 3000);
     drop(watched.rig.started());
     watched.until_logged("watching");
@@ -207,7 +207,7 @@ fn h03_a_controller_killed_while_disabled_starts_again() {
 
 #[test]
 fn h03_a_controller_killed_before_it_serves_starts_again() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut watched = WatchedRig::without_controller(Rig::start(), 3000);
     // It waits for replies with its ports open.
     watched.rig.emulator.mute(0, true);
@@ -221,7 +221,7 @@ fn h03_a_controller_killed_before_it_serves_starts_again() {
 
 #[test]
 fn h03_silent_port_does_not_delay_stop_of_other_port() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut watched = WatchedRig::with(Rig::on(Line::UsbEach), 3000);
     watched.rig.emulator.mute(0, true);
     watched.end_with(Signal::SIGKILL);
@@ -235,7 +235,7 @@ fn h03_silent_port_does_not_delay_stop_of_other_port() {
 
 #[test]
 fn h03_operating_state_reports_whether_watchdog_covers_every_port() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut watched = WatchedRig::new(3000);
     let mut client = watched.client.take().unwrap();
     wait_for(&mut client, |state| has(state, OperatingStateMsg::WATCHED));
@@ -245,7 +245,7 @@ fn h03_operating_state_reports_whether_watchdog_covers_every_port() {
 
 #[test]
 fn service_manager_is_notified_by_controller_and_watchdog() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut rig = Rig::start();
     let address = rig.folder.path().join("notify");
     let manager = UnixDatagram::bind(&address).unwrap();
@@ -281,7 +281,7 @@ enum Loss {
 #[test]
 #[ignore = "prints times, which depend on the machine"]
 fn stop_latency() {
-    let _alone = alone();
+    let _turn = in_turn();
     let times = std::env::var("I2RIS_TIMES").map_or(15, |times| times.parse().unwrap());
     for (name, loss) in [
         ("SIGKILL", Loss::Process(Signal::SIGKILL)),

@@ -74,7 +74,7 @@ fn check_watchdog(signal: Signal) {
 
 #[test]
 fn h03_dead_node_does_not_block_watchdog_stop_of_others() {
-    let _alone = alone();
+    let _turn = in_turn();
     check_watchdog(Signal::SIGKILL);
     check_watchdog(Signal::SIGSTOP);
 }

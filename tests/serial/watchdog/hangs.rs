@@ -95,19 +95,19 @@ fn check_stops(name: &str) {
 
 #[test]
 fn h03_hung_control_loop_in_motion_stops_drives() {
-    let _alone = alone();
+    let _turn = in_turn();
     check_stops("control");
 }
 
 #[test]
 fn h03_hung_port_thread_in_motion_stops_its_drives() {
-    let _alone = alone();
+    let _turn = in_turn();
     check_stops("port");
 }
 
 #[test]
 fn h03_hung_ipc_thread_ends_motion_but_hung_recorder_does_not() {
-    let _alone = alone();
+    let _turn = in_turn();
     let watched = WatchedRig::new(3000);
     watched.while_moving(|watched| {
         let hung = HungThread::of(&watched.rig, "black box");
@@ -124,7 +124,7 @@ fn h03_hung_ipc_thread_ends_motion_but_hung_recorder_does_not() {
 /// Two drives on one port, and a watchdog that knows only the first: it could not stop the other.
 #[test]
 fn h28_watchdog_with_other_nodes_is_rejected() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut rig = Rig::start();
     let ports = rig.config.ports.clone();
     rig.config.ports[0].axes.pop();

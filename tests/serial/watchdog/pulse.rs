@@ -62,7 +62,7 @@ impl PulsedRig {
 
 #[test]
 fn h03_pulse_ends_with_controller_and_returns_with_drives_off() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut pulsed = PulsedRig::new(Rig::start(), 3000);
     assert!(pulsed.edges().is_empty(), "no pulse without a controller");
     drop(pulsed.watched.rig.started());
@@ -86,7 +86,7 @@ fn h03_pulse_ends_with_controller_and_returns_with_drives_off() {
 /// A lost reply costs its timeout but is not a fault: the relay must not cut the power.
 #[test]
 fn h16_lost_reply_does_not_end_pulse() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut rig = Rig::start();
     rig.config.limits.feedback_stale_ms = 300;
     rig.config.ports[0].reply_timeout_ms = 600;

@@ -56,20 +56,20 @@ impl WatchedRig {
 
 #[test]
 fn h03_watchdog_reconnects_after_replug_whichever_is_first() {
-    let _alone = alone();
+    let _turn = in_turn();
     WatchedRig::new(3000).replug_often(4);
 }
 
 #[test]
 #[ignore = "minutes"]
 fn h03_watchdog_reconnects_after_hundred_replugs() {
-    let _alone = alone();
+    let _turn = in_turn();
     WatchedRig::new(3000).replug_often(100);
 }
 
 #[test]
 fn h03_watchdog_started_after_controller_connects() {
-    let _alone = alone();
+    let _turn = in_turn();
     let mut rig = Rig::start();
     let client = rig.enabled();
     let mut watched = WatchedRig::without_controller(rig, 3000);
