@@ -162,9 +162,9 @@ impl Step {
     pub const ALL: [Self; 6] =
         [Self::Collect, Self::Fit, Self::Compare, Self::Use, Self::Check, Self::Refine];
 
-    /// Whether the robot moves, which requires a known zero.
+    /// Whether the robot may move, which requires a known zero.
     pub fn moves(self) -> bool {
-        matches!(self, Self::Collect | Self::Use | Self::Check | Self::Refine)
+        self != Self::Fit
     }
 
     pub fn purpose(self) -> &'static str {
