@@ -5,7 +5,7 @@ use std::thread;
 use i2ris::ipc::ready::{served_by_others, served_domains};
 use i2ris::{ipc::Domain, ipc::client::Client, units::Nanos};
 use i2ris_report::exit::{self, Coded, NOT_CONFIRMED};
-use i2ris_report::{Failure, stop::stop};
+use i2ris_report::{Failure, stop::Stopped, stop::stop};
 
 use crate::procedure::say;
 
@@ -18,7 +18,7 @@ const CONNECT: Nanos = Nanos::from_millis(500);
 nothing moves. Prints what it stopped and the resulting state. The drives stay on: `i2ris \
 disable` switches them off. It does not replace a switch that cuts the power.
 
-Without --domain it stops every robot of this user, so that no choice is needed in an emergency.
+Without --domain and I2RIS_DOMAIN it stops every robot of this user: no choice in an emergency.
 For robots of other users, visible to root, it prints the command that stops them."
 )]
 pub struct Arguments {
@@ -68,17 +68,19 @@ fn others(served: &[(u32, String)]) -> impl Iterator<Item = String> {
     })
 }
 
+/// The text; an error that says what to do, unless the robot is confirmed to be at rest.
+pub fn confirmed(Stopped { text, is_known }: Stopped) -> Result<String, Coded> {
+    let sentence = format!("{text}; cut the power if in doubt");
+    if is_known { Ok(text) } else { Err(Coded { code: NOT_CONFIRMED, sentence }) }
+}
+
 fn stop_one(name: &str) -> Result<String, Coded> {
     let stopped = || -> Result<_, Failure> {
         let domain = Domain::new(name)?;
         Ok(stop(&mut Client::connect(&domain, CONNECT)?, &domain)?)
     };
     match stopped() {
-        Ok(stopped) if stopped.is_known => Ok(stopped.text),
-        Ok(stopped) => {
-            let sentence = format!("{}; cut the power if in doubt", stopped.text);
-            Err(Coded { code: NOT_CONFIRMED, sentence })
-        }
+        Ok(stopped) => confirmed(stopped),
         Err(failure) => {
             let sentence =
                 format!("NOT CONFIRMED to be stopped: {failure}; cut the power if in doubt");

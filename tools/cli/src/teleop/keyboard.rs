@@ -11,7 +11,9 @@ use i2ris::units::Nanos;
 use i2ris_report::{Failure, bail};
 use i2ris_teleop::clutch::Open;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use nix::sys::termios::{OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr};
+use nix::sys::termios::{
+    LocalFlags, OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr,
+};
 
 use super::{HandRequest, Source, SourceLost};
 
@@ -36,7 +38,8 @@ impl Keyboard {
         let modes_before = tcgetattr(&terminal)?;
         let mut modes = modes_before.clone();
         cfmakeraw(&mut modes);
-        // Only the input is raw: printed lines still start at the left.
+        // Printed lines still start at the left, and Ctrl-C also ends what runs before keys are read.
+        modes.local_flags |= LocalFlags::ISIG;
         modes.output_flags |= OutputFlags::OPOST | OutputFlags::ONLCR;
         tcsetattr(&terminal, SetArg::TCSANOW, &modes)?;
         Ok(Self { keys: Keys::default(), terminal, modes_before })
@@ -94,13 +97,12 @@ enum Key {
 
 fn keys(mut bytes: &[u8]) -> Vec<Key> {
     const ESCAPE: u8 = 0x1b;
-    const CONTROL_C: u8 = 3;
     const CONTROL_D: u8 = 4;
     let mut keys = Vec::new();
     while let Some((&first, rest)) = bytes.split_first() {
         bytes = rest;
         keys.push(match first {
-            CONTROL_C | CONTROL_D | b'q' => Key::Quit,
+            CONTROL_D | b'q' => Key::Quit,
             b' ' => Key::Space,
             b's' | b'S' => Key::Stop,
             ESCAPE => match rest {
@@ -204,9 +206,8 @@ mod tests {
             (b"\x1bOC\x1b[1;5D", &[Right, Left]),
             (b"xz\r\t\x1bf\xc3\xa4", &[Other; 7]),
             (b"\x1b[3~\x1b[", &[Other, Other]),
-            (b"q", &[Quit]),
             (b"sS", &[Stop, Stop]),
-            (b"\x03\x04", &[Quit, Quit]),
+            (b"q\x04", &[Quit, Quit]),
             (b"\x1b", &[Quit]),
             (b"\x1b\x1b[A", &[Quit, Up]),
             (b"", &[]),

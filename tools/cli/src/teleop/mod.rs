@@ -27,6 +27,7 @@ use crate::command::prepare::prepare;
 use crate::command::stream::{Progress, present_pose, two_angles};
 use crate::command::stream_monitor::StreamMonitor;
 use crate::command::tracking::ClipMonitor;
+use crate::stop::confirmed;
 use input_devices::{Pulses, profiles};
 use options::{CameraOrientation, HandOptions};
 use task::{HandTask, TaskOptions};
@@ -139,12 +140,13 @@ fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Res
     // Open the clutch first, while the lease is valid: the snake stops now, not at the deadline.
     let command = teleoperation.master.hold();
     let held = teleoperation.send(&command);
-    if teleoperation.is_stopped {
-        teleoperation.progress.say(&stop(client, domain)?.text)?;
-    }
+    let stopped = teleoperation.is_stopped.then(|| stop(client, domain));
     // A command that arrives later would acquire the lease again.
     clock::sleep(COMMAND_DELAY);
     let released = client.state_command(StateCommand::Release);
+    if let Some(stopped) = stopped {
+        teleoperation.progress.say(&confirmed(stopped?)?)?;
+    }
     outcome?;
     held?;
     released?;
@@ -232,6 +234,10 @@ impl Teleoperation<'_> {
     fn command(&mut self, request: &HandRequest, step_s: f64) -> Result<MasterCommand, Failure> {
         self.scale = (self.scale + request.hand.scale_steps as usize) % self.scales.len();
         let snake = self.setpoint.refresh()?.map(two_angles).transpose()?;
+        if self.progress.monitor.has_lost_setpoint() {
+            // Begins again at the setpoint.
+            self.master.hold();
+        }
         let (engaged, scale) = (request.hand.open.is_none(), self.scales[self.scale]);
         let [push, steps] = [request.hand.push, request.steps].map(|it| self.view.joints(it));
         Ok(self.master.update(&Motion { engaged, push, steps, scale }, snake, step_s))
