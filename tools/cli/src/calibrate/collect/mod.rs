@@ -127,6 +127,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     bar.finish_and_clear();
     let recorded = recorder.finish().map_err(|error| cannot_write(&arguments.output, &error))?;
+    // The sidecar, which says that the recording is complete, may not be on disk before it.
+    File::open(&arguments.output)?.sync_all()?;
 
     sidecar.outcome = Some(outcome(&recorded, &ending, subscriptions.missed()));
     // The same estimate as in `calibrate fit`.
