@@ -128,11 +128,11 @@ impl Outline {
 
 #[derive(Debug, thiserror::Error)]
 pub enum OutlineError {
-    #[error("no hull: {0}; or name the file with --model")]
+    #[error("no hull: {0}")]
     Model(#[from] i2ris::model::ModelError),
     #[error(
-        "no hull: {file} is model {found}, but the controller uses {used}; name the right file \
-         with --model"
+        "no hull: {file} is model {found}, but the controller uses {used}; load it again: \
+         `i2ris model use`"
     )]
     Other { file: String, found: String, used: String },
     #[error("no hull: the model does not predict pitch and yaw")]
@@ -246,7 +246,7 @@ mod tests {
         std::fs::write(&file, serde_json::to_string(model.file()).unwrap()).unwrap();
         assert!(outline_of(&file, model.id()).is_ok());
         let error = outline_of(&file, ModelId([7; 32])).unwrap_err().to_string();
-        let is_told = error.contains("the controller uses 07070707") && error.contains("--model");
+        let is_told = error.contains("the controller uses 07070707") && error.contains("model use");
         assert!(is_told, "{error}");
         assert!(outline_of(&folder.path().join("none.json"), model.id()).is_err());
     }

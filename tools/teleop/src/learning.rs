@@ -13,7 +13,7 @@ const MAX_SECOND: f64 = 0.7;
 
 /// Instructions to the person.
 pub const QUESTIONS: [&str; 4] = [
-    "release all controls",
+    "move every control once, then release all controls",
     "push the control to the right and keep it there",
     "push it away from you and keep it there",
     "release it, and press the control that shall be the dead-man",

@@ -83,7 +83,7 @@ function trialFlags(trial) {
 function showWhy(live, lag) {
   const place = byId('why');
   const known = lag <= 1500 && !live.problem && live.state && !live.state.stale;
-  const [fault, news] = [(it) => it.code.startsWith('fault'), (it) => it.age_s !== null];
+  const [fault, news] = [(it) => it.code.startsWith('fault'), (it) => it.age_s !== null && it.age_s < 5];
   const reason = known && (live.why.find(fault) || live.why.find(news) || live.why[0]);
   const style = !reason ? '' : fault(reason) ? 'alarm' : news(reason) ? 'warning' : '';
   const key = JSON.stringify([reason && reason.text, style, known]);
