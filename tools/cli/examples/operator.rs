@@ -74,11 +74,6 @@ fn send(pipe: &mut File, kind: u16, code: u16, value: f64) -> std::io::Result<()
     write_frame(pipe, clock::now(), &event)
 }
 
-fn hand_follows(published: &mut Latest<TeleopMsg>, since: Nanos) -> Result<bool, Box<dyn Error>> {
-    let published = published.refresh()?;
-    Ok(published.is_some_and(|it| it.stamp_ns > since.0 && it.flags & TeleopMsg::OPEN == 0))
-}
-
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [pipe, participant, domain @ ..] = &words[..] else {
@@ -98,7 +93,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let started = clock::now();
     // The program must see all controls at rest before it accepts the dead-man.
-    while !hand_follows(&mut published, started)? {
+    let follows = |it: &TeleopMsg| it.stamp_ns > started.0 && it.flags & TeleopMsg::OPEN == 0;
+    while !published.refresh()?.is_some_and(follows) {
         for value in [0.0, 1.0] {
             send(&mut pipe, KEY, DEAD_MAN, value)?;
             clock::sleep(Nanos::from_millis(300));

@@ -135,7 +135,8 @@ fn main() -> ExitCode {
         }
         return finish(Err(call.execute()));
     }
-    let matches = with_programs(Cli::command()).try_get_matches_from(arguments);
+    let command = with(Cli::command(), |program| clap::Command::new(program.name()));
+    let matches = command.try_get_matches_from(arguments);
     let cli = matches.and_then(|matches| Cli::from_arg_matches(&matches));
     if only_parses {
         return parsed(cli);
@@ -192,10 +193,6 @@ impl Call {
         let error = Command::new(&program).args(self.arguments).exec();
         format!("cannot start {}: {error}", program.display()).into()
     }
-}
-
-fn with_programs(command: clap::Command) -> clap::Command {
-    with(command, |program| clap::Command::new(program.name()))
 }
 
 /// `i2ris` with the command lines of the programs found, and the names of the others.

@@ -189,7 +189,7 @@ mod tests {
         assert_near(taken_off(0.06), 0.06, 0.01);
         // No camera has this latency: it is refused, and not subtracted.
         let (kept, refused) = late_by(0.25).without_latency();
-        assert_eq!(kept, late_by(0.25));
+        assert_eq!(kept.rows(), late_by(0.25).rows());
         let refused = refused.unwrap_err();
         assert_contains(&refused.kept(), &[" ms late", "the stamps are kept"]);
         assert_contains(&refused, &["at the exposure", "--latency-ms 0 keeps"]);

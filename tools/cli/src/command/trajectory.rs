@@ -113,7 +113,11 @@ impl TrajectoryPlayer {
             self.start_s = self.time.time_s;
         }
         self.from = from;
-        self.approach_s = approach_time(from, self.trajectory.at(self.start_s), self.speed_deg_s);
+        let to = self.trajectory.at(self.start_s);
+        let straight_s = (to[0] - from[0]).hypot(to[1] - from[1]) / self.speed_deg_s;
+        // Acceleration limits a short distance, speed a long one.
+        let shortest_s = (PEAK_ACCELERATION * straight_s * RAMP_S).sqrt();
+        self.approach_s = shortest_s.max(PEAK_SPEED * straight_s);
         let settles = self.trajectory.is_moving() && self.approach_s > 0.0;
         self.settle_s = if settles { SETTLE_S } else { 0.0 };
         // The approach itself starts from rest.
@@ -166,13 +170,6 @@ impl TrajectoryPlayer {
         let share = minimum_jerk((gone_s / self.approach_s).min(1.0));
         interpolate(&self.from, &self.trajectory.at(self.start_s), share)
     }
-}
-
-/// Duration of an approach: acceleration limits a short distance, speed a long one.
-fn approach_time(from: Angles, to: Angles, speed_deg_s: f64) -> f64 {
-    let distance = (to[0] - from[0]).hypot(to[1] - from[1]);
-    let acceleration = speed_deg_s / RAMP_S;
-    (PEAK_SPEED * distance / speed_deg_s).max((PEAK_ACCELERATION * distance / acceleration).sqrt())
 }
 
 #[cfg(test)]

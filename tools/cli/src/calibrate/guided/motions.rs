@@ -45,7 +45,9 @@ impl Guided<'_> {
         read?;
         let [.., error] = rms_deg(&recorder.errors_since(0));
         let model = Model::load(&self.arguments.folder.join(self.progress.model_file()))?;
-        let limit = 2.0 * stated_deg(&model) + ADDED_DEG;
+        let fits = model.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training).rmsd);
+        let stated_deg = fits.fold(0.0, f64::hypot);
+        let limit = 2.0 * stated_deg + ADDED_DEG;
         Ok((error.is_nan() || error > limit).then(|| {
             let measured = format!("the camera measured a tracking error of {error:.2} deg RMS");
             let unseen = "the camera did not see the circle".to_owned();
@@ -65,7 +67,14 @@ impl Guided<'_> {
         if loaded.outputs() != 2 {
             return say("the model has other outputs than pitch and yaw: step skipped");
         }
-        self.write_path(&loaded)?;
+        // A motion like that of a hand, within reach of the model.
+        let path = Motion::Teleoperation.path(f64::from(self.arguments.motion_s), SEED);
+        let within = within_reach(&[(Motion::Teleoperation, path)], &loaded);
+        let mut text = "t_s,pitch_deg,yaw_deg\n".to_owned();
+        for (number, [pitch, yaw]) in within.iter().flat_map(|(_, path)| path).enumerate() {
+            let _ = writeln!(text, "{:.3},{pitch:.4},{yaw:.4}", number as f64 / RATE_HZ);
+        }
+        files::write(self.file("use-path.csv").as_ref(), text)?;
         for words in self.prepare()? {
             self.carry_out(Step::Refine, &words)?;
         }
@@ -81,17 +90,6 @@ impl Guided<'_> {
             return say("the calibrated model stays");
         }
         self.carry_out(Step::Refine, &words(&["model", "use", &refined]))
-    }
-
-    /// A motion like that of a hand, within reach of the model.
-    fn write_path(&self, model: &Model) -> Result<(), Failure> {
-        let path = Motion::Teleoperation.path(f64::from(self.arguments.motion_s), SEED);
-        let within = within_reach(&[(Motion::Teleoperation, path)], model);
-        let mut text = "t_s,pitch_deg,yaw_deg\n".to_owned();
-        for (number, [pitch, yaw]) in within.iter().flat_map(|(_, path)| path).enumerate() {
-            let _ = writeln!(text, "{:.3},{pitch:.4},{yaw:.4}", number as f64 / RATE_HZ);
-        }
-        Ok(files::write(self.file("use-path.csv").as_ref(), text)?)
     }
 
     fn record_use(&self, output: &str) -> Result<(), Failure> {
@@ -121,10 +119,4 @@ fn end(watcher: &mut Child) -> Result<ExitStatus, Failure> {
         kill(Pid::from_raw(i32::try_from(watcher.id())?), Signal::SIGINT)?;
     }
     Ok(watcher.wait()?)
-}
-
-/// Held-out error of the fit, both outputs together, deg.
-fn stated_deg(model: &Model) -> f64 {
-    let fits = model.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training).rmsd);
-    fits.map(|rmsd| rmsd * rmsd).sum::<f64>().sqrt()
 }

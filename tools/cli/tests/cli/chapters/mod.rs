@@ -46,16 +46,13 @@ impl Document {
 
     pub fn all() -> Vec<Self> {
         let root = root();
-        let chapters = fs::read_dir(root.join("tools/manual/src")).unwrap();
-        let chapters = chapters.map(|entry| entry.unwrap().path());
+        let files = fs::read_dir(root.join("tools/manual/src")).unwrap();
+        let files = files.map(|entry| entry.unwrap().path());
         let is_chapter = |path: &PathBuf| path.extension().is_some_and(|it| it == "md");
-        let mut paths: Vec<PathBuf> = chapters.filter(is_chapter).collect();
-        for name in ["README.md", "CONTRIBUTING.md", "SECURITY.md"] {
-            paths.push(root.join(name));
-        }
-        for name in ["config/system/README.md", "tests/hazards/README.md"] {
-            paths.push(root.join(name));
-        }
+        let mut paths: Vec<PathBuf> = files.filter(is_chapter).collect();
+        let others = "README.md CONTRIBUTING.md SECURITY.md config/system/README.md \
+                      tests/hazards/README.md";
+        paths.extend(others.split_whitespace().map(|name| root.join(name)));
         paths.sort();
         paths.iter().map(|path| Self::read(path)).collect()
     }
@@ -65,10 +62,10 @@ impl Document {
         targets.filter_map(|rest| Some(rest.split_once(')')?.0.to_owned())).collect()
     }
 
-    /// Anchors of the headings, as repository hosts make them.
-    pub fn anchors(&self) -> Vec<String> {
+    /// Whether a heading has this anchor, as repository hosts make them.
+    pub fn has_anchor(&self, wanted: &str) -> bool {
         let headings = self.prose.lines().filter(|line| line.starts_with('#'));
-        headings.map(|line| anchor(line.trim_start_matches('#').trim())).collect()
+        headings.map(|line| anchor(line.trim_start_matches('#').trim())).any(|it| it == wanted)
     }
 }
 
@@ -89,8 +86,7 @@ fn every_link_leads_to_a_file_and_a_heading() {
             let (file, anchor) = link.split_once('#').unwrap_or((&link, ""));
             let target = if file.is_empty() { document.path.clone() } else { folder.join(file) };
             let is_found = target.exists()
-                && (anchor.is_empty()
-                    || Document::read(&target).anchors().iter().any(|known| known == anchor));
+                && (anchor.is_empty() || Document::read(&target).has_anchor(anchor));
             if !is_found {
                 broken.push(format!("{}: {link}", document.path.display()));
             }
