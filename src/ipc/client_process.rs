@@ -136,16 +136,14 @@ impl<K: Clone + Eq + Hash> Identities<K> {
             Some(_) => return self.salt.hash_one((owner, client_id)).max(1),
             None => {
                 self.make_room(owner);
-                let owned = Owned { owner: owner.clone(), last_use: self.uses };
-                self.owned.insert(client_id, owned);
+                self.owned.insert(client_id, Owned { owner: owner.clone(), last_use: self.uses });
             }
         }
         client_id
     }
 
     fn make_room(&mut self, owner: &K) {
-        let own = self.owned.values().filter(|owned| owned.owner == *owner).count();
-        let is_full = own >= IDS_PER_OWNER;
+        let is_full = self.owned.values().filter(|it| it.owner == *owner).count() >= IDS_PER_OWNER;
         if !is_full && self.owned.len() < IDS {
             return;
         }

@@ -41,8 +41,7 @@ impl DomainLock {
     pub fn acquire(domain: &Domain) -> Result<Self, DomainError> {
         create_directory(domain.directory())?;
         let lock = lock_domain(domain)?;
-        let domain = domain.clone();
-        let held = Self { domain, boot_id: random_id(), lock };
+        let held = Self { domain: domain.clone(), boot_id: random_id(), lock };
         held.remove_files(true)?;
         Ok(held)
     }
@@ -113,8 +112,7 @@ impl DomainLock {
             entry.file_name().as_encoded_bytes().starts_with(prefix)
                 && entry.metadata().is_ok_and(|metadata| metadata.uid() == user)
         };
-        let files = entries(Path::new(SHARED_MEMORY))?.filter(ours);
-        Ok(files.map(|entry| entry.path()).collect())
+        Ok(entries(Path::new(SHARED_MEMORY))?.filter(ours).map(|entry| entry.path()).collect())
     }
 }
 

@@ -107,11 +107,9 @@ impl ControlLoop {
         let owing = owing.fold(0, |motors, link| motors | 1 << link.motor);
         let read = self.links.iter().filter_map(|link| Some(feedback(link, &inputs)?.stamp));
         let good_until = read.min().unwrap_or_default() + self.lost_after;
-        let beat =
-            Heartbeat { stamp: tick.started, off, owing, good_until, ..Heartbeat::default() };
-        self.beats.write(beat);
-        let ended = clock::now();
-        let timing = TickTiming { tick, ended };
+        let stamp = tick.started;
+        self.beats.write(Heartbeat { stamp, off, owing, good_until, ..Heartbeat::default() });
+        let timing = TickTiming { tick, ended: clock::now() };
         let channels = &mut self.channels;
         let tick_report = TickReport { report, timing, lost: lost.counters };
         lost.counters.reports += u64::from(channels.reports.push(tick_report).is_err());

@@ -223,8 +223,7 @@ fn start_threads(
 
 /// Priority of a thread at a distance below the loop: 0 only if the loop has 0.
 fn priority_below(config: &ControlConfig, distance: u8) -> u8 {
-    let lowest = config.priority.min(1);
-    config.priority.saturating_sub(distance).max(lowest)
+    config.priority.saturating_sub(distance).max(config.priority.min(1))
 }
 
 /// Starts the IPC thread and waits until clients can find the controller.
@@ -294,7 +293,6 @@ fn start_control(
         let ControlConfig { priority, cpu, .. } = config;
         let wanted = SchedulingRequest { priority, cpu, lock_memory: priority > 0 };
         let _ = granted_in.send(realtime::request(wanted));
-        drop(granted_in);
         control_loop.run(&config, first, &shutdown);
     })?;
     Ok((thread, granted.recv().unwrap_or_default()))

@@ -87,8 +87,7 @@ impl FixtureTable {
     }
 
     fn add(&mut self, request: &VirtualFixtureRequest) {
-        let free = (0..FIXTURES).find(|index| self.message.kind[*index] == 0);
-        if let Some(index) = free {
+        if let Some(index) = (0..FIXTURES).find(|index| self.message.kind[*index] == 0) {
             self.added += 1;
             self.message.kind[index] = request.kind;
             self.message.values[index] = Default::default();
@@ -147,7 +146,6 @@ fn described(shape: &FixtureShape) -> (FixtureKind, [f64; 17]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::FixtureRegionConfig;
 
     fn request(action: u32, kind: u32, values: [f64; 4]) -> VirtualFixtureRequest {
         VirtualFixtureRequest { client_id: 7, action, kind, values, ..Default::default() }

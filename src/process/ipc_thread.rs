@@ -199,8 +199,7 @@ impl IpcThread {
             self.server.poll_command_of(holder, is_valid)
         };
         if let Some(command) = command {
-            let command = ServoCommand::from(&command);
-            self.pass_command(command);
+            self.pass_command(ServoCommand::from(&command));
         }
         if self.parts.channels.jaw.consumed()
             && let Some(command) = self.server.poll_jaw(holder, is_valid)
@@ -251,10 +250,8 @@ impl IpcThread {
     }
 
     fn request(&mut self, id: u64, request: Result<StateRequest, Refusal>) {
-        let channels = &mut self.parts.channels;
-        if let Err(refusal) = request.and_then(|request| channels.ask(request)) {
-            let state = self.state;
-            self.reply(StateReply { id, refusal, state, measurement: None });
+        if let Err(refusal) = request.and_then(|request| self.parts.channels.ask(request)) {
+            self.reply(StateReply { id, refusal, state: self.state, measurement: None });
         }
     }
 

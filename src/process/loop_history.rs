@@ -66,11 +66,10 @@ impl SharedLoopHistory {
         let shared = Self::default();
         if let Some(model) = model {
             let file = config.control.model.clone().unwrap_or_default();
-            let model = Arc::clone(model);
             let id = model.id();
             let mut history = shared.lock();
             history.slots.active = Some(id);
-            history.known.insert(id, LoadedModel { model, file });
+            history.known.insert(id, LoadedModel { model: Arc::clone(model), file });
         }
         shared
     }

@@ -143,8 +143,7 @@ impl MainThread<'_> {
         let CycleEventKind::Lease { client_id } = event.kind else {
             return None;
         };
-        let client = find_client_process(&self.domain, self.boot_id, client_id);
-        client.map(|client| client.to_string())
+        find_client_process(&self.domain, self.boot_id, client_id).map(|client| client.to_string())
     }
 }
 

@@ -105,8 +105,7 @@ impl ModelManager {
         request: &payload::ModelRequest,
     ) -> Result<Option<ModelDifference>, Refused> {
         let known = payload::ModelRequest::FORCE | payload::ModelRequest::OTHER_DRIVE;
-        let has_unknown_flags = request.flags & !known != 0;
-        if request.client_id == 0 || has_unknown_flags {
+        if request.client_id == 0 || request.flags & !known != 0 {
             return Err(Refusal::Malformed.into());
         }
         let forced = request.flags & payload::ModelRequest::FORCE != 0;
@@ -158,10 +157,9 @@ impl ModelManager {
     /// Passes a model to the loop and waits until it is staged.
     fn offer(&mut self, model: Arc<Model>, file: PathBuf) -> Result<(), Refused> {
         let id = model.id();
-        let loaded = LoadedModel { model: Arc::clone(&model), file };
         let (history, mark) = {
             let mut shared = self.history.lock();
-            shared.known.insert(id, loaded);
+            shared.known.insert(id, LoadedModel { model: Arc::clone(&model), file });
             (shared.history.clone(), shared.mark)
         };
         let candidate = ModelCandidate::new(Arc::clone(&model), &self.config, &history, mark);
@@ -170,8 +168,7 @@ impl ModelManager {
         let record = Box::new(OfferRecord { number, model: id, carried: candidate.state() });
         // If the recorder has ended, no black box is written, and the robot continues.
         let _ = self.recorder.send(RecorderRequest::Offer(record, model));
-        let offer = ModelOffer { number, candidate };
-        self.channels.offers.push(offer).map_err(|_| Refusal::Busy)?;
+        self.channels.offers.push(ModelOffer { number, candidate }).map_err(|_| Refusal::Busy)?;
         self.wait_for(|manager| {
             manager.free_retired();
             (manager.history.lock().slots.staged == Some(id)).then_some(())
@@ -180,18 +177,15 @@ impl ModelManager {
 
     fn change(&mut self, request: ModelSwapRequest) -> Result<(), Refused> {
         self.requests += 1;
-        let id = self.requests;
+        let request = ModelSwapRequest { id: self.requests, ..request };
         let to = match request.change {
             ModelChange::Activate(to) => Some(to),
             ModelChange::Rollback => self.history.lock().slots.previous,
         };
-        self.channels
-            .requests
-            .push(ModelSwapRequest { id, ..request })
-            .map_err(|_| Refusal::Busy)?;
+        self.channels.requests.push(request).map_err(|_| Refusal::Busy)?;
         let refusal = self.wait_for(|manager| {
             let reply = manager.channels.replies.pop().ok()?;
-            (reply.id == id).then_some(reply.refusal)
+            (reply.id == request.id).then_some(reply.refusal)
         })?;
         if refusal != Refusal::None {
             return Err(refusal.into());

@@ -111,12 +111,8 @@ pub(super) fn joint_states(report: &CycleReport) -> [JointState; 3] {
         | flag(joint.memory_known, JointState::MEMORY_KNOWN)
         | flag(report.clipped, JointState::CLIPPED)
         | flag(report.limited_by_fixture.is_some(), JointState::FIXTURE);
-    let state = |position: OutputVec, velocity: OutputVec, deviation: OutputVec| JointState {
-        position,
-        velocity,
-        deviation,
-        ..base
-    };
+    let state =
+        |position, velocity, deviation| JointState { position, velocity, deviation, ..base };
     let zero = OutputVec::default();
     [
         state(joint.goal, zero, zero),

@@ -145,8 +145,7 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
             let command = command.map(|command| command.text());
             let fault = (*fault != Fault::None).then(|| fault.text());
             let (from, to) = (from.text(), to.text());
-            let fields = json!({ "from": from, "to": to, "command": command, "fault": fault });
-            ("state", fields)
+            ("state", json!({ "from": from, "to": to, "command": command, "fault": fault }))
         }
         CycleEventKind::Model { from, to } => {
             let from = from.map(|from| from.to_string());

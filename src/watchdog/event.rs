@@ -77,12 +77,12 @@ mod tests {
     #[test]
     fn lost_controller_is_reported_with_heartbeat_age() {
         let age = Nanos::from_micros(41_500);
-        let died = WatchdogEvent::ControllerLost(ControllerStatus::Died, age);
-        let text = "the controller is gone; its last heartbeat was 41.5 ms ago";
-        assert_eq!(died.to_string(), text);
-        let hangs = WatchdogEvent::ControllerLost(ControllerStatus::Hangs, age);
-        let text = "the controller hangs; its last heartbeat was 41.5 ms ago";
-        assert_eq!(hangs.to_string(), text);
+        for (status, what) in
+            [(ControllerStatus::Died, "is gone"), (ControllerStatus::Hangs, "hangs")]
+        {
+            let text = format!("the controller {what}; its last heartbeat was 41.5 ms ago");
+            assert_eq!(WatchdogEvent::ControllerLost(status, age).to_string(), text);
+        }
     }
 
     #[test]

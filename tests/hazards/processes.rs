@@ -18,9 +18,7 @@ use nix::sys::signal::Signal;
 #[test]
 #[ignore = "a role: run by another test"]
 fn commander_process() {
-    let Ok(domain) = std::env::var("RIG_DOMAIN") else {
-        return;
-    };
+    let Ok(domain) = std::env::var("RIG_DOMAIN") else { return };
     let client = Client::connect(&Domain::new(&domain).unwrap(), TIMEOUT).unwrap();
     stream_counts(&client, 60.0, swing);
 }

@@ -122,9 +122,7 @@ fn hostile_clients_on_either_stream_do_not_displace_the_commander() {
 #[test]
 #[ignore = "a role: run by another test"]
 fn forger_process() {
-    let Ok(domain) = std::env::var("RIG_DOMAIN") else {
-        return;
-    };
+    let Ok(domain) = std::env::var("RIG_DOMAIN") else { return };
     let client_id = std::env::var("RIG_CLIENT").unwrap().parse().unwrap();
     let domain = Domain::new(&domain).unwrap();
     let (mut forwarder, mut requests) = (Forwarder::new(&domain), RequestForwarder::new(&domain));

@@ -36,9 +36,7 @@ fn removed_ipc_files_are_reported_by_controller_and_clients() {
 #[test]
 #[ignore = "a role: serves until killed"]
 fn role_controller() {
-    let Some(domain) = assigned_domain() else {
-        return;
-    };
+    let Some(domain) = assigned_domain() else { return };
     let mut server = serve(&domain);
     loop {
         let now = clock::now();
@@ -52,9 +50,7 @@ fn role_controller() {
 #[test]
 #[ignore = "a role: one state command, then the end"]
 fn role_one_shot() {
-    let Some(domain) = assigned_domain() else {
-        return;
-    };
+    let Some(domain) = assigned_domain() else { return };
     let mut client = Client::connect(&domain, TIMEOUT).unwrap();
     client.state_command(StateCommand::Home).unwrap();
 }
@@ -62,9 +58,7 @@ fn role_one_shot() {
 #[test]
 #[ignore = "a role: commands until killed"]
 fn role_commander() {
-    let Some(domain) = assigned_domain() else {
-        return;
-    };
+    let Some(domain) = assigned_domain() else { return };
     let client = Client::connect(&domain, TIMEOUT).unwrap();
     let mut commander = client.commander();
     loop {

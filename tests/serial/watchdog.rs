@@ -99,17 +99,10 @@ impl WatchedRig {
         wait_until("both drives are stopped", || self.states() == [State::QuickStopActive; 2]);
     }
 
-    /// When each drive was stopped, for the last time.
-    fn stops(&self) -> [Option<Nanos>; 2] {
-        let log = self.rig.emulator.log();
-        [0, 1].map(|axis| {
-            let stopped =
-                |kind| matches!(kind, EventKind::State { to: State::QuickStopActive, .. });
-            log.iter()
-                .rev()
-                .find(|event| event.axis == axis && stopped(event.kind))
-                .map(|event| event.stamp)
-        })
+    /// When a drive took its first quick stop since an instant.
+    fn stop_since(&self, axis: usize, since: Nanos) -> Option<Nanos> {
+        let mut states = dead_node::states(&self.rig, axis, since).into_iter();
+        states.find(|(_, to)| *to == State::QuickStopActive).map(|(stamp, _)| stamp)
     }
 }
 
@@ -189,7 +182,7 @@ fn clean_controller_exit_triggers_no_watchdog_stop() {
     let mut watched = WatchedRig::new(3000);
     watched.end_with(Signal::SIGTERM);
     watched.until_logged("ended with its drives off");
-    assert_eq!(watched.stops(), [None; 2]);
+    assert_eq!([0, 1].map(|axis| watched.stop_since(axis, Nanos::ZERO)), [None; 2]);
     assert_eq!(watched.states(), [State::ReadyToSwitchOn; 2]);
     watched.enable();
 }

@@ -146,21 +146,14 @@ mod tests {
     use super::*;
 
     fn joint(client_id: u64, stamp_ns: u64) -> ReceivedCommand {
-        ReceivedCommand::Joint(ServoJp {
-            client_id,
-            stamp_ns,
-            sequence: stamp_ns,
-            ..ServoJp::default()
-        })
+        let sequence = stamp_ns;
+        ReceivedCommand::Joint(ServoJp { client_id, stamp_ns, sequence, ..ServoJp::default() })
     }
 
     fn actuator(client_id: u64, stamp_ns: u64) -> ReceivedCommand {
-        ReceivedCommand::Actuator(ServoActuator {
-            client_id,
-            stamp_ns,
-            sequence: stamp_ns,
-            ..ServoActuator::default()
-        })
+        let sequence = stamp_ns;
+        let it = ServoActuator { client_id, stamp_ns, sequence, ..ServoActuator::default() };
+        ReceivedCommand::Actuator(it)
     }
 
     /// Client 0 and stamps above 1000 are not valid.

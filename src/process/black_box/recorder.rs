@@ -61,7 +61,6 @@ pub struct RecorderChannels {
     pub snapshots: Producer<CycleSnapshot>,
 }
 
-/// Fills the ring and writes the file.
 pub struct Recorder {
     config: Config,
     software: String,
@@ -195,10 +194,8 @@ impl Recorder {
     fn add(&mut self, tick: TickRecord) {
         self.lost += tick.number.saturating_sub(self.newest + 1);
         self.newest = tick.number;
-        let to_fault = |kind| {
-            let fault = OperatingState::Fault;
-            matches!(kind, CycleEventKind::State { to, .. } if to == fault)
-        };
+        let to_fault =
+            |kind| matches!(kind, CycleEventKind::State { to: OperatingState::Fault, .. });
         let faulted = tick.outputs.events.iter().flatten().any(|event| to_fault(event.kind));
         let now = clock::now();
         let quiet = self.last_fault.is_none_or(|last| now.duration_since(last) >= BETWEEN_FAULTS);
@@ -222,8 +219,7 @@ impl Recorder {
         if self.offers.len() <= OFFERS {
             return;
         }
-        let oldest = self.ring.ticks().find_map(|tick| tick.offered);
-        if let Some(oldest) = oldest {
+        if let Some(oldest) = self.ring.ticks().find_map(|tick| tick.offered) {
             self.offers.retain(|offer| offer.number >= oldest);
         }
         let used: Vec<ModelId> = self.used_models().collect();

@@ -22,7 +22,7 @@ fn unanswered(rig: &Rig) -> Vec<Nanos> {
 }
 
 /// States of a motor since an instant, with their times.
-fn states(rig: &Rig, axis: usize, since: Nanos) -> Vec<(Nanos, State)> {
+pub(super) fn states(rig: &Rig, axis: usize, since: Nanos) -> Vec<(Nanos, State)> {
     let state = |it: i2ris_simulation::log::Event| match it.kind {
         EventKind::State { to, .. } if it.axis == axis && it.stamp >= since => Some((it.stamp, to)),
         _ => None,

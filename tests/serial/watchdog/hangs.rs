@@ -57,15 +57,7 @@ impl WatchedRig {
 
     /// Time from `since` until every drive has taken its quick stop.
     pub(super) fn until_all_stopped(&self, since: Nanos) -> Nanos {
-        let stop = |axis: usize| {
-            let log = self.rig.emulator.log().into_iter();
-            let is_stop = |it: &i2ris_simulation::log::Event| {
-                let stopped = State::QuickStopActive;
-                let is_it = matches!(it.kind, EventKind::State { to, .. } if to == stopped);
-                is_it && it.axis == axis && it.stamp >= since
-            };
-            log.filter(is_stop).map(|it| it.stamp).next()
-        };
+        let stop = |axis| self.stop_since(axis, since);
         let stops = wait_until("every drive is stopped", || {
             [0, 1, 2].map(stop).into_iter().collect::<Option<Vec<_>>>()
         });
@@ -117,7 +109,8 @@ fn h03_hung_ipc_thread_ends_motion_but_hung_recorder_does_not() {
         let _hung = HungThread::of(&watched.rig, "ipc");
         watched.rig.wait_until_still();
     });
-    assert_eq!(watched.stops(), [None; 2], "the loop holds");
+    let stops = [0, 1].map(|axis| watched.stop_since(axis, Nanos::ZERO));
+    assert_eq!(stops, [None; 2], "the loop holds");
     assert_eq!(watched.violations(), 0);
 }
 
