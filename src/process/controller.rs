@@ -27,7 +27,7 @@ use crate::ipc::server::check_memory;
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::ipc::{Domain, DomainLock, Server, StreamMessage};
 use crate::model::Model;
-use crate::process::black_box::{RecordedRun, Recorder};
+use crate::process::black_box::{RecordedRun, Recorder, recover};
 use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::{Beats, ControlLoop};
 use crate::process::fixture_table::FixtureTable;
@@ -38,7 +38,8 @@ use crate::process::model_manager::ModelManager;
 use crate::process::payload_conversion::robot_description;
 use crate::process::run_log::{RunHeader, RunLog, write_line};
 use crate::process::start_up::{
-    Drives, PortLine, bring_up_ports, check_start_drives, load_model, software, wait_for_positions,
+    Drives, PortLine, StartModelError, bring_up_ports, check_drives, load_model, software,
+    wait_for_positions,
 };
 pub use crate::process::threads::ControllerError;
 use crate::process::threads::{self, BLACK_BOX, NamedThread, ThreadError, Threads};
@@ -68,13 +69,22 @@ pub fn run(
     // Locks the domain before the ports: a second controller must not touch the drives of the
     // first.
     let domain = Domain::new(&config.domain)?;
+    let before = domain.last_run();
     let lock = DomainLock::acquire(&domain)?;
-    check_memory()?;
+    // Before anything that can fail: the end of the lock removes what a killed controller left.
+    recover(config, &domain, log);
     let boot_id = lock.boot_id();
-    let (beat, ports) = (LoopBeat::default(), config.ports_digest());
-    beat.set_watched(WatchdogStatus::read(&domain, &ports, clock::now()).acts());
-    let drives = bring_up_ports(config, beat, log)?;
-    check_start_drives(config, model.as_deref(), &drives.fingerprints)?;
+    let drives = match ready_drives(config, model.as_deref(), &domain, log) {
+        Ok(drives) => drives,
+        Err(error) => {
+            drop(lock);
+            // The run before this start remains the last one.
+            if let Some((boot_id, records)) = before {
+                let _ = publish_run(&domain, boot_id, &records);
+            }
+            return Err(error);
+        }
+    };
     let (identities, exchanges) = (drives.identities.clone(), drives.exchanges.clone());
     let (config, fingerprints) = (&config.with_exchanges(&exchanges), drives.fingerprints.clone());
     // Before clients find it. Without the file they do not know the drive settings, but it runs.
@@ -111,7 +121,7 @@ pub fn run(
         recorder_lines: threads.recorder_lines,
         run_log,
         domain,
-        ports,
+        ports: config.ports_digest(),
         was_watched: false,
         powered: config.axes().map(|axis| axis.motor).collect(),
         boot_id,
@@ -127,6 +137,25 @@ pub fn run(
         let _ = publish_run(&main.domain, boot_id, &config.record_folder);
     }
     threads::outcome(main.powered, ended)
+}
+
+/// Brings up the drives and checks that the model may use them.
+fn ready_drives(
+    config: &Config,
+    model: Option<&Model>,
+    domain: &Domain,
+    log: &mut dyn Write,
+) -> Result<Drives, ControllerError> {
+    check_memory()?;
+    let beat = LoopBeat::default();
+    beat.set_watched(WatchdogStatus::read(domain, &config.ports_digest(), clock::now()).acts());
+    let drives = bring_up_ports(config, beat, log)?;
+    if let (Some(model), Some(path)) = (model, &config.control.model) {
+        check_drives(model, &drives.fingerprints).map_err(|differences| {
+            StartModelError::OtherDrive { path: path.clone(), differences }
+        })?;
+    }
+    Ok(drives)
 }
 
 /// All threads but the main thread, and their channels to it.

@@ -70,17 +70,6 @@ pub(crate) fn check_drives(model: &Model, drives: &[DriveFingerprint]) -> Result
     ))
 }
 
-/// The same for the model of the configuration.
-pub(crate) fn check_start_drives(
-    config: &Config,
-    model: Option<&Model>,
-    drives: &[DriveFingerprint],
-) -> Result<(), StartModelError> {
-    let (Some(model), Some(path)) = (model, &config.control.model) else { return Ok(()) };
-    check_drives(model, drives)
-        .map_err(|differences| StartModelError::OtherDrive { path: path.clone(), differences })
-}
-
 pub(super) fn software() -> String {
     format!("i2ris {} ({COMMIT})", env!("CARGO_PKG_VERSION"))
 }

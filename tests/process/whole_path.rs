@@ -225,17 +225,18 @@ fn the_last_seconds_before_sigkill_are_in_a_black_box() {
     rig.wait_for_end();
     // Until the emulated ports have noticed.
     clock::sleep(Nanos::from_millis(500));
-    let client = rig.started();
-    let found = wait_until("the black box of the killed controller", || {
-        let log = rig.log_text("controller");
-        log.contains("the previous controller was killed").then(|| black_box(&rig, "killed"))
-    });
+    // Also if the next start fails.
+    rig.config.ports[0].axes[1].serial_number += 10;
+    assert_eq!(rig.spawn_controller("failed").wait().unwrap().code(), Some(1));
+    let log = rig.log_text("failed");
+    assert!(log.contains("the previous controller was killed"), "{log}");
+    assert!(rig.domain().last_run().is_some(), "clients learn of the killed one");
+    let found = black_box(&rig, "killed");
     assert!(found.ticks.len() > 500, "{}", found.ticks.len());
     let replayed = replay(&found).unwrap();
     assert_eq!((replayed.ticks, replayed.difference), (found.ticks.len() as u64, None));
     let moved = found.ticks.iter().any(|tick| tick.inputs.servo.is_some());
     assert!(moved, "the commands are in it");
-    drop(client);
 }
 
 #[test]

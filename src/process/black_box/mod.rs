@@ -24,6 +24,6 @@ mod replay;
 
 pub use crate::core::CycleSnapshot;
 pub use file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord, TickRecord};
-pub(super) use recorder::{RecordedRun, write_failed_start};
+pub(super) use recorder::{RecordedRun, recover, write_failed_start};
 pub use recorder::{Recorder, RecorderChannels, RecorderRequest, WriteReply};
 pub use replay::{ReplayDifference, ReplayError, ReplayResult, replay};

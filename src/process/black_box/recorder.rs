@@ -19,6 +19,7 @@ use crate::core::{CycleEventKind, CycleSnapshot};
 use crate::drive::capture::{Capture, file};
 use crate::ipc::Domain;
 use crate::model::{Model, ModelId};
+use crate::process::run_log::write_line;
 use crate::robot::{DriveFingerprint, OperatingState};
 use crate::units::Nanos;
 use crate::{clock, wall_clock};
@@ -132,7 +133,6 @@ impl Recorder {
         replies: &Sender<WriteReply>,
         mut report: impl FnMut(String),
     ) {
-        self.recover(&mut report);
         loop {
             let last = quit.load(Ordering::Acquire);
             self.drain(requests, replies);
@@ -146,20 +146,6 @@ impl Recorder {
                 return self.write_and_report("exit", &mut report);
             }
             clock::sleep(PERIOD);
-        }
-    }
-
-    /// Writes the file of a controller that was killed in the same domain.
-    fn recover(&self, report: &mut impl FnMut(String)) {
-        if let Some(content) = self.live.take_leftovers() {
-            report(match self.write_content(&content) {
-                Ok((path, ticks)) => format!(
-                    "the previous controller was killed: black box of its last {ticks} ticks \
-                     written to {}",
-                    path.display()
-                ),
-                Err(error) => format!("warning: {error}"),
-            });
         }
     }
 
@@ -245,22 +231,14 @@ impl Recorder {
 
     fn write(&self, cause: &str) -> Result<(PathBuf, u64), BlackBoxError> {
         let used: Vec<ModelId> = self.used_models().collect();
-        let (path, ticks) = self.write_content(&BlackBox {
+        let content = BlackBox {
             snapshots: self.ring.snapshots().copied().collect(),
             ticks: self.ring.ticks().copied().collect(),
             ..self.origin(cause, |id| used.contains(id))
-        })?;
+        };
+        let (path, ticks) = write_content(&self.config.record_folder, &content)?;
         write_captures(&self.captures, &path.with_extension(CAPTURE), &self.software)?;
         Ok((path, ticks))
-    }
-
-    fn write_content(&self, content: &BlackBox) -> Result<(PathBuf, u64), BlackBoxError> {
-        let folder = &self.config.record_folder;
-        create_folder(folder)?;
-        let stem = format!("{}-{}", wall_clock::now().compact(), content.header.cause);
-        let path = write_new(content, folder, &stem)?;
-        remove_oldest(folder, FILES, &path);
-        Ok((path, content.ticks.len() as u64))
     }
 
     /// A file with these models, without snapshots and ticks.
@@ -281,6 +259,31 @@ impl Recorder {
             ..BlackBox::default()
         }
     }
+}
+
+/// Writes the file of a controller that was killed in this domain.
+pub(crate) fn recover(config: &Config, domain: &Domain, log: &mut dyn Write) {
+    let live = LiveFiles::new(Some(domain.directory()), SPAN);
+    let Some(content) = live.take_leftovers() else { return };
+    match write_content(&config.record_folder, &content) {
+        Ok((path, ticks)) => write_line(
+            log,
+            format_args!(
+                "the previous controller was killed: black box of its last {ticks} ticks written \
+                 to {}",
+                path.display()
+            ),
+        ),
+        Err(error) => write_line(log, format_args!("warning: {error}")),
+    }
+}
+
+fn write_content(folder: &Path, content: &BlackBox) -> Result<(PathBuf, u64), BlackBoxError> {
+    create_folder(folder)?;
+    let stem = format!("{}-{}", wall_clock::now().compact(), content.header.cause);
+    let path = write_new(content, folder, &stem)?;
+    remove_oldest(folder, FILES, &path);
+    Ok((path, content.ticks.len() as u64))
 }
 
 /// Writes the serial traffic of a failed start. Only one such file exists, so that a service that

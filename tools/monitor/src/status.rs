@@ -170,7 +170,7 @@ fn last_run(domain: &Domain) -> Option<String> {
     // Names begin with the time.
     let black_box = match newest(&folder) {
         Some(path) if field("outcome").is_some() => format!("black box {path}"),
-        _ => "the next start writes its black box there".to_owned(),
+        _ => "the next start after it writes its black box there".to_owned(),
     };
     let (reason, log) = (reason.unwrap_or_default(), log.display());
     Some(format!("the last one {how}{reason}; log {log}; {black_box}"))
