@@ -138,9 +138,11 @@ pub fn run(watched: Watched<'_>, stop: &AtomicBool, report: &mut dyn FnMut(Watch
                 unstopped.contains(watch.ports[port].device()) && watch.may_retry(port)
             });
             let due: Vec<usize> = due.collect();
-            let stopped = watch.quick_stop(&due, ALL_OWING, 1);
+            let mut stopped = watch.quick_stop(&due, ALL_OWING, 1);
+            // A retry that fails does not extend the time of the retries.
+            stopped.retain(is_complete_stop);
             unstopped.note(&stopped, clock::now());
-            stopped.into_iter().filter(is_complete_stop).for_each(&mut *report);
+            stopped.into_iter().for_each(&mut *report);
         }
         clock::sleep(POLL_PERIOD);
     }

@@ -197,17 +197,14 @@ pub(super) fn is_complete_stop(event: &WatchdogEvent) -> bool {
 }
 
 impl PendingStops {
-    /// Records an attempt. The retry time begins with the first failure on a port.
+    /// Records a stop. If it failed, the time of its retries begins.
     pub(super) fn note(&mut self, stopped: &[WatchdogEvent], now: Nanos) {
         for event in stopped {
             let WatchdogEvent::Stopped(device, _) = event else { continue };
-            let is_known = self.contains(device);
             self.ports.retain(|port| port != device);
             if !is_complete_stop(event) {
                 self.ports.push(device.clone());
-                if !is_known {
-                    (self.next, self.end) = (now + PERIOD, now + RETRY_TIMEOUT);
-                }
+                (self.next, self.end) = (now + PERIOD, now + RETRY_TIMEOUT);
             }
         }
     }
@@ -351,8 +348,9 @@ mod tests {
         assert!(!unstopped.is_due(ms(4000)), "stopped");
         unstopped.note(&first, ms(1000));
         assert!(!unstopped.is_due(ms(1000) + RETRY_TIMEOUT), "not for ever");
-        unstopped.note(&first, ms(1000));
+        unstopped.note(&first, ms(70_000));
+        assert!(unstopped.is_due(ms(71_000)), "the stop of a later incident failed");
         unstopped.clear();
-        assert!(!unstopped.is_due(ms(2000)), "another controller has the port");
+        assert!(!unstopped.is_due(ms(72_000)), "another controller has the port");
     }
 }
