@@ -66,7 +66,7 @@
 //! | [`core`] | the control cycle: a pure function | `units`, `robot`, `config`, `model`, `drive` |
 //! | [`ipc`] | payloads and services in shared memory, the client | `units`, `robot`, `clock` |
 //! | [`process`] | controller process: threads, channels, black box, run log | all but `watchdog` |
-//! | [`watchdog`] | stops drives | `units`, `clock`, `service_manager`, `config`, `drive`, `ipc` |
+//! | [`watchdog`] | stops drives | all but `robot`, `wall_clock`, `model`, `core`, `process` |
 //!
 //! # From a command to the wire, and a position back
 //!

@@ -41,9 +41,6 @@ Exit codes, as those of i2ris-control:
   6  invalid configuration
 ";
 
-/// SCHED_FIFO priority: above every thread of the controller.
-const PRIORITY: u8 = 90;
-
 fn main() -> ExitCode {
     run_process(start)
 }
@@ -67,8 +64,7 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
     let requested = Arc::clone(&stop);
     ctrlc::set_handler(move || requested.store(true, Ordering::Release))?;
     let lock_memory = config.control.priority > 0;
-    let wanted = SchedulingRequest { priority: PRIORITY, cpu: None, lock_memory };
-    let granted = realtime::request(wanted);
+    let granted = realtime::request(SchedulingRequest { lock_memory, ..watchdog::REAL_TIME });
     for warning in &granted.warnings {
         print(log, format_args!("warning: {warning}"));
     }

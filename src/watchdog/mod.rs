@@ -39,6 +39,7 @@ use crate::drive::quick_stop::STOP_ATTEMPTS;
 use crate::ipc::Domain;
 use crate::ipc::heartbeat::HeartbeatReader;
 use crate::ipc::watchdog_presence::WatchdogPresence;
+use crate::realtime::{self, SchedulingRequest};
 use crate::service_manager;
 use crate::units::Nanos;
 
@@ -58,6 +59,10 @@ const FIRST_PORT: Nanos = Nanos::from_millis(10_000);
 
 /// Stack of a thread that stops a port, bytes: all of it resident where memory is locked.
 const STOP_STACK: usize = 256 * 1024;
+
+/// Scheduling above every thread of the controller. Each thread requests it: none inherits it.
+pub const REAL_TIME: SchedulingRequest =
+    SchedulingRequest { priority: 90, cpu: None, lock_memory: false };
 
 /// Every reply pending: it is unknown which drives answer.
 const ALL_OWING: u8 = u8::MAX;
@@ -217,7 +222,10 @@ impl Watch<'_> {
                 .iter()
                 .map(|(_, port, is_over)| {
                     let thread = thread::Builder::new().stack_size(STOP_STACK);
-                    let stop = || port.quick_stop(owing, attempts, is_over);
+                    let stop = || {
+                        let _ = realtime::request(REAL_TIME);
+                        port.quick_stop(owing, attempts, is_over)
+                    };
                     // Without memory for a thread, one port after the other.
                     thread.spawn_scoped(scope, stop).map_err(|_| stop())
                 })

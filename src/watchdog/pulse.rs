@@ -21,10 +21,11 @@ use std::{io, thread};
 use nix::errno::Errno;
 use nix::libc;
 
-use crate::clock;
+use super::REAL_TIME;
 use crate::config::{ModemLine, WatchdogConfig};
 use crate::ipc::heartbeat::Heartbeat;
 use crate::units::Nanos;
+use crate::{clock, realtime};
 
 /// 50 edges a second.
 pub(crate) const HALF_PERIOD: Nanos = Nanos::from_millis(20);
@@ -145,6 +146,7 @@ impl Pulse {
 }
 
 fn run(config: &WatchdogConfig, shared: &Shared) {
+    let _ = realtime::request(REAL_TIME);
     let mut is_on = false;
     let mut opened: Option<PulseLine> = None;
     loop {

@@ -67,6 +67,12 @@ fn h03_pulse_ends_with_controller_and_returns_with_drives_off() {
     assert!(pulsed.edges().is_empty(), "no pulse without a controller");
     drop(pulsed.watched.rig.started());
     pulsed.until_pulsing();
+    // Main thread and pulse have one priority: 0 where the system refuses it.
+    let tasks = fs::read_dir(format!("/proc/{}/task", pulsed.watched.watchdog.id())).unwrap();
+    let stats = tasks.map(|task| fs::read_to_string(task.unwrap().path().join("stat")).unwrap());
+    let own: Vec<String> = stats.filter(|stat| stat.contains("(i2ris-watchdog)")).collect();
+    let priorities: Vec<_> = own.iter().map(|stat| stat.split(' ').nth(39).unwrap()).collect();
+    assert!(priorities.len() == 2 && priorities[0] == priorities[1], "{priorities:?}");
     pulsed.watched.rig.signal(Signal::SIGSTOP);
     pulsed.last_edge();
     // Its drives are off.
