@@ -331,17 +331,25 @@ fn create_folder(folder: &Path) -> Result<(), BlackBoxError> {
     created.map_err(BlackBoxError::io("write", folder))
 }
 
-/// Removes the oldest black boxes of a folder beyond a number, but never the newest one. Their
-/// names begin with the wall-clock time. If the clock was set back, files with a later time than
-/// the newest one are the oldest.
+/// The wall-clock time at which the name of a black box begins; `None` if a person named it.
+fn written(path: &Path) -> Option<String> {
+    let time = path.file_name()?.to_str()?.strip_suffix(".box")?.get(..15)?;
+    time.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-').then(|| time.to_owned())
+}
+
+/// Removes the oldest black boxes of a folder beyond a number, but never the newest one. If the
+/// clock was set back, files with a later time than the newest one are the oldest.
 fn remove_oldest(folder: &Path, keep: usize, newest: &Path) {
     let Ok(entries) = fs::read_dir(folder) else {
         return;
     };
     let paths = entries.flatten().map(|entry| entry.path());
-    let mut boxes: Vec<PathBuf> =
-        paths.filter(|path| path.extension().is_some_and(|extension| extension == "box")).collect();
-    boxes.sort_by_key(|path| (path.as_path() <= newest, path.clone()));
+    let mut boxes: Vec<PathBuf> = paths.filter(|path| written(path).is_some()).collect();
+    let last = written(newest);
+    boxes.sort_by_cached_key(|path| {
+        let time = written(path);
+        (time <= last, time, path == newest)
+    });
     let excess = boxes.len().saturating_sub(keep);
     for path in boxes.iter().take(excess) {
         // If this fails, the next call removes it.
@@ -357,18 +365,19 @@ mod tests {
     #[test]
     fn only_the_oldest_black_boxes_are_removed() {
         let folder = tempfile::tempdir().unwrap();
+        // The last two are of one second.
         let names =
-            ["20260101-000000-exit.box", "20260102-000000-fault.box", "20260103-000000-exit.box"];
-        for name in names.iter().chain(&["runs.jsonl", "0-notes.txt"]) {
+            ["20260101-000000-exit.box", "20260103-000000-killed.box", "20260103-000000-fault.box"];
+        let others = ["runs.jsonl", "0-notes.txt", "wire-broke.box"];
+        for name in names.iter().chain(&others) {
             fs::write(folder.path().join(name), "").unwrap();
         }
-        let newest = folder.path().join(names[2]);
-        remove_oldest(folder.path(), 3, &newest);
-        assert!(folder.path().join(names[0]).exists());
-        remove_oldest(folder.path(), 1, &newest);
         let left = |name: &str| folder.path().join(name).exists();
-        assert_eq!(names.map(left), [false, false, true]);
-        assert!(left("runs.jsonl") && left("0-notes.txt"));
+        for (keep, kept) in [(3, [true; 3]), (2, [false, true, true]), (1, [false, false, true])] {
+            remove_oldest(folder.path(), keep, &folder.path().join(names[2]));
+            assert_eq!(names.map(left), kept);
+            assert!(others.into_iter().all(left));
+        }
     }
 
     #[test]
