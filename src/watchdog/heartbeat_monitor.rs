@@ -21,8 +21,8 @@ pub enum ControllerStatus {
 pub struct HeartbeatMonitor {
     silence: Nanos,
     last: Option<LastHeartbeat>,
-    /// Motors whose drives had a pending reply at the last heartbeat.
-    pub owing: u8,
+    /// The last heartbeat read, also of a controller that has ended.
+    pub newest: Heartbeat,
     /// Ports whose thread was silent at the last look.
     silent: [bool; MAX_AXES],
 }
@@ -37,11 +37,11 @@ struct LastHeartbeat {
 impl HeartbeatMonitor {
     /// A controller that is silent for longer than `silence` hangs.
     pub fn new(silence: Nanos) -> Self {
-        Self { silence, last: None, owing: 0, silent: [false; MAX_AXES] }
+        Self { silence, last: None, newest: Heartbeat::default(), silent: [false; MAX_AXES] }
     }
 
-    pub fn age(&self, now: Nanos) -> Nanos {
-        self.last.map_or(Nanos::ZERO, |last| now - last.heartbeat.stamp)
+    pub(super) fn age(&self, now: Nanos) -> Nanos {
+        now - self.newest.stamp
     }
 
     /// Whether the controller has a port now: its loop and the port thread are alive.
@@ -72,7 +72,7 @@ impl HeartbeatMonitor {
         now: Nanos,
     ) -> ControllerStatus {
         if let Ok(Some(newest)) | Err(ControllerAbsent { last: Some(newest) }) = read {
-            self.owing = newest.owing;
+            self.newest = newest;
         }
         match (read, self.last) {
             (Err(ControllerAbsent { .. }) | Ok(None), None) => ControllerStatus::Absent,
@@ -164,7 +164,8 @@ mod tests {
             let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
             monitor.update(Ok(Some(heartbeat(100, false))), Nanos(101));
             let absent = ControllerAbsent { last: Some(heartbeat(102, off)) };
-            assert_eq!((monitor.update(Err(absent), Nanos(103)), monitor.owing), (status, 4));
+            assert_eq!(monitor.update(Err(absent), Nanos(103)), status);
+            assert_eq!(monitor.newest.owing, 4);
         }
     }
 
@@ -180,12 +181,12 @@ mod tests {
     #[test]
     fn the_age_is_that_of_the_last_heartbeat() {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
-        assert_eq!(monitor.age(Nanos::from_millis(5)), Nanos::ZERO);
         let stamp = Nanos::from_millis(100);
         let read = Ok(Some(Heartbeat { boot_id: 7, stamp, ..Heartbeat::default() }));
         monitor.update(read, Nanos::from_millis(102));
-        let age = monitor.age(Nanos::from_millis(131));
-        assert_eq!(age, Nanos::from_millis(31));
+        assert_eq!(monitor.age(Nanos::from_millis(131)), Nanos::from_millis(31));
+        monitor.update(Err(ControllerAbsent { last: None }), Nanos::from_millis(140));
+        assert_eq!(monitor.age(Nanos::from_millis(140)), Nanos::from_millis(40));
     }
 
     #[test]

@@ -205,7 +205,7 @@ impl Watch<'_> {
         unstopped: &mut PendingStops,
         report: &mut dyn FnMut(WatchdogEvent),
     ) {
-        let stopped = self.quick_stop(ports, self.monitor.owing, STOP_ATTEMPTS);
+        let stopped = self.quick_stop(ports, self.monitor.newest.owing, STOP_ATTEMPTS);
         unstopped.note(&stopped, clock::now());
         why.into_iter().chain(stopped).for_each(report);
     }
