@@ -230,6 +230,18 @@ fn h21_correction_reverted_twice_is_not_learned_again() {
     assert!(drifting.shift([0.0, 0.0]) < 0.05, "{adaptation:?}");
 }
 
+/// A correction moves with the goal only, so it stays while the goal rests.
+#[test]
+fn h21_correction_is_not_reverted_again_at_rest() {
+    let mut drifting = Drifting::new(ON);
+    drifting.follow(40.0, wandering, |_, [pitch, yaw]| [pitch + 1.0, yaw]);
+    let here = wandering(drifting.time_s);
+    drifting.follow(90.0, move |_| here, truth);
+    assert_eq!(drifting.adaptation().taken_back, 1);
+    drifting.restart_at_zero();
+    assert!(!drifting.adaptation().pauses.contains(Pause::Reverted), "it is tried once more");
+}
+
 /// Frames rejected under one model do not count for the next one.
 #[test]
 fn h21_frames_rejected_under_previous_model_allow_no_immediate_retry() {

@@ -113,11 +113,12 @@ pub(super) struct Score {
 }
 
 impl Score {
-    /// Adds the errors of a frame. Returns whether the adapted model must be reverted.
-    pub(super) fn add(&mut self, calibrated: Pair, adapted: Pair, now: Nanos) -> bool {
+    /// Adds the errors of a frame: calibrated, adapted. Returns whether the adapted model must be
+    /// reverted. One that `was_reverted` does not lose again: it stays while the goal rests.
+    pub(super) fn add(&mut self, errors: [Pair; 2], was_reverted: bool, now: Nanos) -> bool {
         let begun = *self.begun.get_or_insert(now);
         self.frames += 1;
-        for (sum, error) in self.sums.iter_mut().zip([calibrated, adapted]) {
+        for (sum, error) in self.sums.iter_mut().zip(errors) {
             let error = length(error).min(LARGEST_ERROR);
             *sum += error * error;
         }
@@ -127,7 +128,7 @@ impl Score {
         self.last = self.sums.map(|sum| (sum / f64::from(self.frames)).sqrt());
         let [calibrated, adapted] = self.last;
         self.was_better |= adapted < BETTER * calibrated;
-        let is_worse = adapted > (1.0 + MARGIN_SHARE) * calibrated + MARGIN;
+        let is_worse = !was_reverted && adapted > (1.0 + MARGIN_SHARE) * calibrated + MARGIN;
         self.worse = if is_worse { self.worse + 1 } else { self.worse.saturating_sub(1) };
         (self.begun, self.frames, self.sums) = (None, 0, [0.0; 2]);
         let is_reverted = self.worse >= WORSE_WINDOWS;
@@ -224,7 +225,8 @@ mod tests {
     /// How often frames of 30 Hz revert it in some seconds, with errors in degrees.
     fn run(score: &mut Score, start_s: u64, seconds: u64, errors: Pair) -> usize {
         let frames = (0..seconds * 30).map(|k| Nanos::from_millis(start_s * 1000 + k * 1000 / 30));
-        frames.filter(|now| score.add([errors[0] * DEG, 0.0], [0.0, errors[1] * DEG], *now)).count()
+        let errors = [[errors[0] * DEG, 0.0], [0.0, errors[1] * DEG]];
+        frames.filter(|now| score.add(errors, false, *now)).count()
     }
 
     #[test]
@@ -260,7 +262,7 @@ mod tests {
             assert_eq!(run(&mut score, 200 + second, 1, [0.5, 0.4]), 0);
             let now = Nanos::from_millis((200 + second) * 1000 + 990);
             // A wrong frame is as far from the one pose as from the other.
-            assert!(!score.add([1.0, 0.0], [1.0, 0.0], now));
+            assert!(!score.add([[1.0, 0.0]; 2], false, now));
         }
     }
 

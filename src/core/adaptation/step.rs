@@ -315,10 +315,9 @@ impl Adaptation {
 
     fn judge(&mut self, seen: Seen<'_>, now: Nanos, events: &mut EventList) {
         let (pose, moment) = (seen.frame.pose, &seen.regressors.moment);
-        let calibrated = subtract(pose, moment.calibrated);
-        let adapted = subtract(pose, moment.adapted);
-        if self.state.score.add(calibrated, adapted, now) {
-            let state = &mut self.state;
+        let errors = [moment.calibrated, moment.adapted].map(|it| subtract(pose, it));
+        let state = &mut self.state;
+        if state.score.add(errors, state.is_reverted, now) {
             // A correction misled by its first frames restarts at once, the first time.
             let is_first = state.refuted.is_none_or(|(model, _)| Some(model) != state.model);
             state.is_reverted = !(is_first && state.score.failed_from_start());
