@@ -152,7 +152,7 @@ impl Threads {
     /// and the end of the threads.
     pub(super) fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, RunEnd) {
         let mut ended = self.control.join();
-        let (is_early, end) = (ended.is_err(), clock::now() + END_TIMEOUT);
+        let end = clock::now() + END_TIMEOUT;
         self.quit_ports.store(true, Ordering::Release);
         // The port threads need heartbeats to transmit, and the loop no longer sends any.
         let beat = |stamp| self.beats.write(Heartbeat { stamp, ..Heartbeat::default() });
@@ -169,9 +169,9 @@ impl Threads {
             ended = ended.and(thread.join_until(end, |_| ()));
         }
         main.write_events();
-        let end = match (main.powered.is_empty(), is_early) {
-            (true, false) => RunEnd::Clean,
-            (true, true) => RunEnd::LoopEndedEarly,
+        let end = match (main.powered.is_empty(), &ended) {
+            (true, Ok(())) => RunEnd::Clean,
+            (true, Err(_)) => RunEnd::ThreadFailed,
             (false, _) => RunEnd::Powered,
         };
         (ended, end)
@@ -181,7 +181,7 @@ impl Threads {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RunEnd {
     Clean,
-    LoopEndedEarly,
+    ThreadFailed,
     /// Drives have not confirmed power-off.
     Powered,
 }
@@ -190,7 +190,7 @@ impl RunEnd {
     pub(super) fn text(self) -> &'static str {
         match self {
             Self::Clean => "clean shutdown",
-            Self::LoopEndedEarly => "the control loop ended early",
+            Self::ThreadFailed => "a thread ended early, or did not end",
             Self::Powered => "drives have not confirmed power-off",
         }
     }
