@@ -26,7 +26,7 @@ use crate::process::fixture_table::FixtureTable;
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::loop_statistics::LoopStatistics;
 use crate::process::payload_conversion as convert;
-use crate::realtime::Granted;
+use crate::realtime::{Granted, Schedule};
 use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_OUTPUTS, Nanos};
 
@@ -114,15 +114,15 @@ impl IpcThread {
     /// command, and publishes its report shortly after it, until `quit`. `first` is the first tick
     /// of the loop.
     pub(super) fn run(mut self, first: Nanos, quit: &AtomicBool) {
-        let mut tick = first;
+        let mut grid = Schedule::new(first, self.parts.period);
         while !quit.load(Ordering::Acquire) {
-            clock::sleep_until(tick - COMMAND_POLL_LEAD);
+            clock::sleep_until(grid.next - COMMAND_POLL_LEAD);
             let now = clock::now();
             self.pass(now);
-            clock::sleep_until(tick + REPORT_LAG);
+            clock::sleep_until(grid.next + REPORT_LAG);
             self.take_reports();
             // Missed passes are skipped.
-            tick = tick.max(now - self.parts.period) + self.parts.period;
+            grid.begin(now);
         }
         self.pass(clock::now());
     }

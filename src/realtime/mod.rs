@@ -33,20 +33,20 @@ pub struct Tick {
 
 /// The grid of ticks: pure arithmetic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Schedule {
+pub(crate) struct Schedule {
     period: Nanos,
-    next: Nanos,
+    pub next: Nanos,
 }
 
 impl Schedule {
     /// A grid whose first tick is at `first`. A period of zero counts as one nanosecond.
-    const fn new(first: Nanos, period: Nanos) -> Self {
+    pub(crate) const fn new(first: Nanos, period: Nanos) -> Self {
         let period = if period.0 == 0 { Nanos(1) } else { period };
         Self { period, next: first }
     }
 
     /// Begins the next tick at `started`, not before it is due, and plans the one after it.
-    fn begin(&mut self, started: Nanos) -> Tick {
+    pub(crate) fn begin(&mut self, started: Nanos) -> Tick {
         let planned = self.next;
         let missed = started.duration_since(planned).0 / self.period.0;
         let tick = Tick { planned, started, missed };
