@@ -4,7 +4,7 @@
 use std::fmt;
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, Write};
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, FileExt, OpenOptionsExt};
 
 use nix::libc;
 use serde_json::{Value, json};
@@ -94,14 +94,24 @@ fn open(config: &Config) -> io::Result<File> {
         DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
     }
     // A FIFO or a device under this name would block the main thread.
-    let file = OpenOptions::new()
+    let mut file = OpenOptions::new()
+        .read(true)
         .append(true)
         .create(true)
         .mode(0o600)
         .custom_flags(libc::O_NONBLOCK | libc::O_NOFOLLOW)
         .open(folder.join(FILE))?;
-    if !file.metadata()?.is_file() {
+    let metadata = file.metadata()?;
+    if !metadata.is_file() {
         return Err(io::Error::other(format!("{FILE} is not a regular file")));
+    }
+    let mut last = *b"\n";
+    if let Some(at) = metadata.len().checked_sub(1) {
+        file.read_exact_at(&mut last, at)?;
+    }
+    // A power cut may have torn the last line, and a reader skips it with what follows.
+    if last != *b"\n" {
+        file.write_all(b"\n")?;
     }
     Ok(file)
 }

@@ -125,14 +125,17 @@ fn silent_drive_is_named() {
 #[test]
 fn run_log_records_starts_ends_state_changes_and_commanding_client() {
     let mut rig = Rig::start();
+    let runs = rig.folder.path().join("records/runs.jsonl");
+    fs::create_dir(runs.parent().unwrap()).unwrap();
+    fs::write(&runs, "{\"a line that a power cut").unwrap();
     for _ in 0..2 {
         let client = rig.enabled();
         stream_counts(&client, 0.3, |t| [(200.0 * t) as i32, 0]);
         rig.signal(Signal::SIGTERM);
         assert_eq!(rig.wait_for_end().code(), Some(0));
     }
-    let text = fs::read_to_string(rig.folder.path().join("records/runs.jsonl")).unwrap();
-    let lines = text.lines().map(|line| serde_json::from_str(line).unwrap());
+    let text = fs::read_to_string(&runs).unwrap();
+    let lines = text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap());
     let lines: Vec<serde_json::Value> = lines.collect();
     let events = |name: &str| {
         let of_name = lines.iter().filter(|line| line["event"] == name);
