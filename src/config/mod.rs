@@ -1,8 +1,7 @@
 //! The configuration file of the controller: TOML, units in the key names, unknown keys refused.
 //!
 //! The doc comment of every key is its only documentation: `config/schema` and `i2ris doctor config
-//! --all` show it. A value out of its range is refused with the key, the value and
-//! the reason.
+//! --all` show it. A value out of its range is refused with the key, the value and the reason.
 //!
 //! | file | holds |
 //! |---|---|

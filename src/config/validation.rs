@@ -280,9 +280,7 @@ pub(super) fn hint(message: &str) -> String {
     };
     let line = message[at..].lines().next().unwrap_or_default();
     let mut quoted = line.split('`').skip(1).step_by(2);
-    let Some(unknown) = quoted.next() else {
-        return String::new();
-    };
+    let Some(unknown) = quoted.next() else { return String::new() };
     if let Some((_, what)) = REMOVED.iter().find(|(key, _)| *key == unknown) {
         return format!("`{unknown}` was removed: {what}\n");
     }

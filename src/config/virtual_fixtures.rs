@@ -109,32 +109,23 @@ impl FixtureShape {
             let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
             (1e-6..=1e6).contains(&length)
         };
+        let no_direction = "needs a normal that is not zero";
         let is_valid = match self {
             Self::Circle { centre_deg, radius_deg } => {
                 is_in_range(centre_deg) && is_size(*radius_deg)
             }
             Self::Ball { centre_mm, radius_mm } => is_in_range(centre_mm) && is_size(*radius_mm),
-            Self::HalfPlane { normal, offset_deg } => {
-                if !is_direction(normal) {
-                    return Some("needs a normal that is not zero");
-                }
-                is_in_range(&[*offset_deg])
+            Self::HalfPlane { normal, .. } if !is_direction(normal) => return Some(no_direction),
+            Self::HalfSpace { normal, .. } if !is_direction(normal) => return Some(no_direction),
+            Self::HalfPlane { offset_deg: offset, .. }
+            | Self::HalfSpace { offset_mm: offset, .. } => is_in_range(&[*offset]),
+            Self::Polygon { corners_deg } if !(3..=MAX_CORNERS).contains(&corners_deg.len()) => {
+                return Some("must have 3 to 8 corners");
             }
-            Self::HalfSpace { normal, offset_mm } => {
-                if !is_direction(normal) {
-                    return Some("needs a normal that is not zero");
-                }
-                is_in_range(&[*offset_mm])
+            Self::Polygon { corners_deg } if !is_convex(corners_deg) => {
+                return Some("must be convex, with its corners listed around it");
             }
-            Self::Polygon { corners_deg } => {
-                if !(3..=MAX_CORNERS).contains(&corners_deg.len()) {
-                    return Some("must have 3 to 8 corners");
-                }
-                if !is_convex(corners_deg) {
-                    return Some("must be convex, with its corners listed around it");
-                }
-                corners_deg.iter().all(|corner| is_in_range(corner))
-            }
+            Self::Polygon { corners_deg } => corners_deg.iter().all(|corner| is_in_range(corner)),
         };
         (!is_valid).then_some("must have a size above 0 and coordinates of -360 to 360")
     }

@@ -3,13 +3,11 @@
 use i2ris::drive::capture::{CapturedLine, CapturedPort};
 use i2ris::drive::{AxisRequest, Demand, Port};
 use i2ris::units::{Counts, Nanos};
-use i2ris_testing::drive::{Disturbance, SimulatedLine, one_drive, port_config, replayed};
+use i2ris_testing::drive::{Disturbance, one_drive, open, replayed};
 
 /// A drive that follows setpoints on a disturbed line.
 fn disturbed(seed: u64) -> CapturedPort {
-    let drive = one_drive();
-    let config = port_config(std::slice::from_ref(&drive));
-    let line = SimulatedLine::new(vec![drive]);
+    let (line, config, _) = open(vec![one_drive()]);
     let (captured, capture) = CapturedLine::new(line.clone(), &config);
     let (mut runner, mut links) = Port::over(captured, &config).bring_up().unwrap().split();
     let mut request = AxisRequest { demand: Demand::Enabled, ..AxisRequest::default() };

@@ -6,18 +6,15 @@ use i2ris::drive::epos4::Epos4;
 use i2ris::drive::link::DriveLink;
 use i2ris::drive::quick_stop::{QuickStopError, STOP_ATTEMPTS, quick_stop_all};
 use i2ris::units::Nanos;
-use i2ris_testing::drive::{Disturbance, MiniDrive, OPERATION_ENABLED, SimulatedLine, port_config};
+use i2ris_testing::drive::{Disturbance, MiniDrive, OPERATION_ENABLED, SimulatedLine, open};
 
 const NODES: [u8; 3] = [1, 2, 3];
 
 /// Three powered drives on a line, and the configuration of their port.
 fn powered(gateway_ms: u64, dead: u8) -> (SimulatedLine, PortConfig) {
     let mut drives = Vec::from(NODES.map(|node| MiniDrive::new(node, 10 * u32::from(node))));
-    for drive in &mut drives {
-        drive.state = OPERATION_ENABLED;
-    }
-    let config = port_config(&drives);
-    let line = SimulatedLine::new(drives);
+    drives.iter_mut().for_each(|drive| drive.state = OPERATION_ENABLED);
+    let (line, config, _) = open(drives);
     line.state().gateway.timeout = Nanos::from_millis(gateway_ms);
     line.state().silent_node = Some(dead);
     line.state().adapter_hold = Nanos::from_millis(1);
@@ -44,7 +41,7 @@ fn stop(
     let mut link = DriveLink::new(line.clone(), &Epos4::Cyclic, config);
     link.set_frame_timeout(Nanos::from_millis(50));
     let begin = line.time();
-    let outcomes = stop_all(&mut link, owing);
+    let outcomes = quick_stop_all(&mut link, &NODES, owing, STOP_ATTEMPTS);
     let state = line.state();
     let taken = NODES.map(|node| {
         let mut requests = state.requests.iter();
@@ -52,13 +49,6 @@ fn stop(
         stop.map(|it| it.arrived - begin)
     });
     (outcomes.try_into().unwrap(), taken, state.now - begin)
-}
-
-fn stop_all(
-    link: &mut DriveLink<SimulatedLine>,
-    owing: &[u8],
-) -> Vec<Result<DriveState, QuickStopError>> {
-    quick_stop_all(link, &NODES, owing, STOP_ATTEMPTS)
 }
 
 fn check(gateway_ms: u64, dead: u8, stopped: &Stopped, case: &str) {

@@ -175,18 +175,13 @@ impl CampaignRig {
             // Safe: enabled with fresh feedback, or without power.
             let is_fresh = feedback.stamp > begin + Nanos::from_millis(10);
             let drive = self.emulator.snapshot().axes[axis].drive.state;
-            let is_off = matches!(
-                drive,
-                State::SwitchOnDisabled | State::ReadyToSwitchOn | State::Fault | State::SwitchedOn
-            );
-            let is_safe = if is_enabled { is_fresh } else { is_off };
+            let is_safe = if is_enabled { is_fresh } else { !drive.is_powered() };
             if is_safe || clock::now() - begin > HANG_TIMEOUT {
                 break is_safe;
             }
         };
         if !is_safe {
-            let last = self.axes[axis].last;
-            self.found.wrong.push(format!("{} hangs: {last:?}", what.name()));
+            self.found.wrong.push(format!("{} hangs: {:?}", what.name(), self.axes[axis].last));
         }
         let span = clock::now() - begin;
         self.found.kinds.entry(what.name()).or_default().push((span, stayed_enabled));
@@ -207,7 +202,10 @@ impl CampaignRig {
     fn tick(&mut self) {
         let seen = self.emulator.snapshot();
         for (index, axis) in self.axes.iter_mut().enumerate() {
-            axis.add_true_position(seen.stamp, seen.axes[index].drive.position);
+            axis.truth.push_back((seen.stamp, seen.axes[index].drive.position));
+            while axis.truth.front().is_some_and(|(old, _)| *old + HISTORY < seen.stamp) {
+                axis.truth.pop_front();
+            }
             axis.check(&mut self.found.wrong);
             axis.command();
         }
@@ -241,13 +239,6 @@ impl CampaignAxis {
             truth: VecDeque::new(),
             origin: 0,
             begin: Nanos::ZERO,
-        }
-    }
-
-    fn add_true_position(&mut self, stamp: Nanos, position: i32) {
-        self.truth.push_back((stamp, position));
-        while self.truth.front().is_some_and(|(old, _)| *old + HISTORY < stamp) {
-            self.truth.pop_front();
         }
     }
 

@@ -223,17 +223,23 @@ impl AxisStateMachine {
                     self.enter_off(events);
                 }
             }
-            AxisState::Faulted(step) => {
-                let (from, code) = (*step, self.feedback.error_code);
-                *step = next_fault_step(from, transfer, now);
-                if (from, transfer) == (FaultStep::ReadCode, Transfer::ErrorCode) {
-                    let fault = self.family.fault(code);
+            AxisState::Faulted(step) => match (*step, transfer) {
+                (FaultStep::ReadCode, Transfer::ErrorCode) => {
+                    *step = FaultStep::WaitForOperator;
+                    let fault = self.family.fault(self.feedback.error_code);
                     // Whatever its bit says, until it is homed.
                     self.position_mismatch |= fault.clears_position;
                     self.feedback.homed &= !fault.clears_position;
                     self.report(PortEventKind::Fault(fault), events);
                 }
-            }
+                (FaultStep::LowerBit(count), Transfer::Control(Controlword::DISABLE_VOLTAGE)) => {
+                    *step = FaultStep::RaiseBit(count);
+                }
+                (FaultStep::RaiseBit(count), Transfer::Control(Controlword::FAULT_RESET)) => {
+                    *step = FaultStep::WaitForClear(count, now + RESET_TIMEOUT);
+                }
+                _ => {}
+            },
             AxisState::Starting
             | AxisState::Disabled
             | AxisState::Enabled
@@ -330,18 +336,5 @@ impl AxisStateMachine {
         } else if let AxisState::Homing(step, ..) = self.state {
             self.handle_homing(step.handle_timeout(), now, events);
         }
-    }
-}
-
-fn next_fault_step(step: FaultStep, transfer: Transfer, now: Nanos) -> FaultStep {
-    match (step, transfer) {
-        (FaultStep::ReadCode, Transfer::ErrorCode) => FaultStep::WaitForOperator,
-        (FaultStep::LowerBit(count), Transfer::Control(Controlword::DISABLE_VOLTAGE)) => {
-            FaultStep::RaiseBit(count)
-        }
-        (FaultStep::RaiseBit(count), Transfer::Control(Controlword::FAULT_RESET)) => {
-            FaultStep::WaitForClear(count, now + RESET_TIMEOUT)
-        }
-        (same, _) => same,
     }
 }

@@ -217,8 +217,7 @@ impl AxisStateMachine {
 
     /// Nothing is left to switch off, or it is impossible.
     pub(in crate::drive) fn is_shut_down(&self) -> bool {
-        use AxisState::{Disabled, Faulted, Lost};
-        matches!(self.state, Disabled | Faulted(_) | Lost)
+        matches!(self.state, AxisState::Disabled | AxisState::Faulted(_) | AxisState::Lost)
     }
 
     /// Power of the drive as known if it answers now.

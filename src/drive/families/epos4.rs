@@ -150,8 +150,7 @@ mod tests {
     use super::*;
     use crate::config::HomingMethod;
     use crate::drive::command_set::{DriveRequest, REPLY_OPCODE, ReplyError};
-    use crate::drive::object::AbortCode;
-    use crate::drive::object::{DEVICE_NAME, POSITION, TARGET};
+    use crate::drive::object::{AbortCode, DEVICE_NAME, POSITION, TARGET};
     use crate::drive::serial_frame::SerialFrame;
     use crate::units::Counts;
 

@@ -48,9 +48,7 @@ fn patient(config: &PortConfig, timeout: Nanos) -> PortConfig {
 pub fn answering_rate(config: &PortConfig) -> Option<u32> {
     RATES.into_iter().filter(|rate| *rate != config.baud).find(|&baud| {
         let config = PortConfig { baud, ..unhurried(config) };
-        let Ok(mut line) = SerialTransport::open(&config) else {
-            return false;
-        };
+        let Ok(mut line) = SerialTransport::open(&config) else { return false };
         line.sleep_until(line.now() + FORGETS);
         DriveLink::new(line, family_of_port(&config), &config)
             .is_understood(LOCAL_NODE, object::VENDOR.address())
@@ -61,9 +59,7 @@ pub fn answering_rate(config: &PortConfig) -> Option<u32> {
 /// the port cannot be opened, or its drive does not answer.
 pub fn nodes(config: &PortConfig) -> Result<Vec<FoundNode>, DriveError> {
     let patient = patient(config, GATEWAY_TIMEOUT);
-    let Some(first) = config.axes.first() else {
-        return Ok(Vec::new());
-    };
+    let Some(first) = config.axes.first() else { return Ok(Vec::new()) };
     let line = SerialTransport::open(&patient)?;
     let mut link = DriveLink::new(line, family_of_port(&patient), &patient);
     learn_constants(&mut link).map_err(|error| explain(config, first, error))?;

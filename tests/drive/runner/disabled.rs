@@ -26,11 +26,14 @@ fn almost_every_other_exchange_is_a_position() {
 
 #[test]
 fn nothing_is_written() {
-    let mut rig = PortRig::disabled();
-    rig.drive(|drive| drive.writes.clear());
-    rig.request(|request| request.target = Counts(50));
-    rig.turns(100);
-    assert!(rig.drive(|drive| drive.writes.is_empty()));
+    for demand in [Demand::Disabled, Demand::QuickStop] {
+        let mut rig = PortRig::disabled();
+        rig.drive(|drive| drive.writes.clear());
+        rig.request(|request| (request.demand, request.target) = (demand, Counts(50)));
+        rig.turns(100);
+        assert!(rig.drive(|drive| drive.writes.is_empty()));
+        assert_eq!(rig.phase(), AxisPhase::Disabled);
+    }
 }
 
 #[test]
@@ -55,7 +58,8 @@ fn refused_current_read_is_reported_once_without_other_effect() {
 #[test]
 fn impossible_position_jump_loses_zero() {
     for (is_enabled, jump) in [(false, 22), (false, -120), (true, 250), (true, -250)] {
-        let mut rig = PortRig::with_motor_speed(200);
+        let mut rig = PortRig::with(vec![one_drive()], |port| port.axes[0].motor_speed_rpm = 200);
+        rig.until(AxisPhase::Disabled);
         if is_enabled {
             rig.enable(0);
             rig.until(AxisPhase::Enabled);

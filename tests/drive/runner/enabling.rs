@@ -109,15 +109,6 @@ fn the_written_target_is_cleared() {
 }
 
 #[test]
-fn enabling_is_retried_after_demand_is_released() {
-    let mut rig = PortRig::disabled();
-    rig.drive(|drive| drive.stuck = true);
-    failure(&mut rig);
-    rig.drive(|drive| drive.stuck = false);
-    rig.release_and_enable();
-}
-
-#[test]
 fn a_released_demand_ends_it() {
     let mut rig = PortRig::disabled();
     rig.demand_until(Demand::Enabled, AxisPhase::Enabling);

@@ -12,22 +12,12 @@ const QUICK_STOP: u32 = 0x000B;
 /// or for longer.
 fn three_enabled(gateway_ms: u64, reply_ms: u64) -> PortRig {
     let drives = [1, 2, 3].map(|node| MiniDrive::new(node, 10 * u32::from(node)));
-    let mut rig = PortRig::with_reply_timeout(drives.into(), reply_ms);
+    let mut rig = PortRig::with(drives.into(), |port| port.reply_timeout_ms = reply_ms);
     rig.line.state().gateway.timeout = Nanos::from_millis(gateway_ms);
     enable_all(&mut rig, 3);
     rig.line.state().forwarded.clear();
     rig.events.clear();
     rig
-}
-
-/// When a node was first sent this controlword since an instant, and took it.
-fn first(rig: &PortRig, node: u8, controlword: u32, since: Nanos) -> Option<Nanos> {
-    let state = rig.line.state();
-    let is_it = |request: &&ReceivedRequest| {
-        (request.node, request.index, request.value) == (node, 0x6040, controlword)
-            && request.arrived >= since
-    };
-    state.requests.iter().find(is_it).map(|request| request.arrived)
 }
 
 /// Stops at many instants of a gateway that waits, gives the node up, and tries it again.
@@ -44,7 +34,12 @@ fn stop_at_every_phase(gateway_ms: u64, reply_ms: u64, dead: u8, demand: Demand,
         }
         let case = format!("{gateway_ms} ms, reply {reply_ms} ms, node {dead}, phase {phase}");
         let living: Vec<_> = [1, 2, 3].into_iter().filter(|node| *node != dead).collect();
-        let stops = living.iter().map(|node| first(&rig, *node, word, due));
+        let requests = rig.line.state().requests.clone();
+        let stops = living.iter().map(|node| {
+            let is_stop =
+                |it: &&ReceivedRequest| (it.node, it.index, it.value) == (*node, 0x6040, word);
+            requests.iter().find(|it| is_stop(it) && it.arrived >= due).map(|it| it.arrived)
+        });
         let last = stops.collect::<Option<Vec<_>>>().expect(&case).into_iter().max().unwrap();
         let limit = Nanos::from_millis(gateway_ms) + EXCHANGES;
         assert!(last - due <= limit, "{case}: after {:.1} ms", (last - due).as_seconds() * 1e3);

@@ -66,14 +66,6 @@ fn an_input_that_stops_the_drive_is_respected() {
 }
 
 #[test]
-fn an_axis_without_power_stays_off() {
-    let mut rig = PortRig::disabled();
-    rig.demand(Demand::QuickStop);
-    rig.turns(50);
-    assert_eq!((rig.phase(), rig.controlwords()), (AxisPhase::Disabled, vec![]));
-}
-
-#[test]
 fn a_drive_that_does_not_stop_is_switched_off() {
     let mut rig = PortRig::enabled();
     rig.drive(|drive| drive.refuses.insert((0x6040, 0), 0x0800_0022));

@@ -32,13 +32,6 @@ fn fault_of_one_axis_leaves_the_other_enabled() {
 }
 
 #[test]
-fn both_are_left_switched_off() {
-    let mut rig = two_enabled();
-    rig.shut_down();
-    assert_eq!([1, 2].map(|node| rig.line.drive(node, |drive| drive.state)), [READY; 2]);
-}
-
-#[test]
 fn silent_or_unreachable_node_is_lost_alone() {
     for is_unreachable in [false, true] {
         let mut rig = two_enabled();

@@ -28,11 +28,11 @@ fn quick(port: PortConfig) -> PortConfig {
 #[test]
 fn a_wrong_bit_rate_is_reported_with_the_remedy() {
     let bench = TestBench::with(&SETUPS[0], |config| config.line.strict_baud = true);
-    let text = refusal(&quick(PortConfig { baud: 38_400, ..bench.port() }));
+    let wrong = quick(PortConfig { baud: 38_400, ..bench.port() });
+    let text = refusal(&wrong);
     for part in ["no reply from a drive", "38400 baud", "check"] {
         assert!(text.contains(part), "{text}");
     }
-    let wrong = quick(PortConfig { baud: 38_400, ..bench.port() });
     assert_eq!(answering_rate(&wrong), Some(115_200), "tried at the other rates");
     assert!(bench.bring_up().is_ok(), "at the correct bit rate it answers");
 }

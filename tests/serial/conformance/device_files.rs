@@ -9,13 +9,8 @@ use i2ris_simulation::drive::{DeviceFile, Family};
 use super::cases;
 use super::*;
 
-const CASES: [cases::Case; 5] = [
-    ("identified", cases::identified),
-    ("enabled", cases::enabled),
-    ("followed", cases::followed),
-    ("homed", cases::homed),
-    ("quick_stopped", cases::quick_stopped),
-];
+const CASES: [fn(&TestBench); 5] =
+    [cases::identified, cases::enabled, cases::followed, cases::homed, cases::quick_stopped];
 
 /// The files of real drives.
 fn files() -> Vec<PathBuf> {
@@ -105,9 +100,9 @@ fn the_controller_runs_on_every_real_drive() {
     for path in files() {
         let file = DeviceFile::load(&path).unwrap();
         // Alone, and as the third of the laboratory's line.
-        for (name, case) in CASES {
+        for case in CASES {
             for drives_before in [0, 2] {
-                println!("{} {name} {drives_before}", path.display());
+                println!("{} {drives_before}", path.display());
                 case(&bench_behind(&file, drives_before));
             }
         }
@@ -121,9 +116,7 @@ fn controller_runs_without_objects_missing_in_old_firmware() {
         0x60C2,
     ];
     let file = without(&convenience);
-    for (_, case) in CASES {
-        case(&bench(&file));
-    }
+    CASES.iter().for_each(|case| case(&bench(&file)));
     let bench = bench(&file);
     let texts: Vec<String> = bench.run().kinds().iter().map(PortEventKind::to_string).collect();
     for part in ["0x60C2:01): left out", "0x30D1:02): left out, so `limits.over_current_ma` has no"]

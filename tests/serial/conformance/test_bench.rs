@@ -134,14 +134,12 @@ impl TestBench {
 
     /// Setpoints that reached the drive under test.
     pub fn setpoints(&self) -> Vec<i32> {
-        let events = self.emulator().log().into_iter();
-        let events = events.filter(|event| event.axis == self.axis);
-        events
-            .filter_map(|event| match event.kind {
-                EventKind::Setpoint(counts) => Some(counts),
-                _ => None,
-            })
-            .collect()
+        let events = self.emulator().log().into_iter().filter(|event| event.axis == self.axis);
+        let setpoints = events.filter_map(|event| match event.kind {
+            EventKind::Setpoint(counts) => Some(counts),
+            _ => None,
+        });
+        setpoints.collect()
     }
 
     /// The host never sent a request before the previous reply, and never an unknown request.

@@ -72,25 +72,14 @@ pub fn bring_up(drive: MiniDrive) -> (SimulatedLine, Result<(), DriveError>) {
 
 impl PortRig {
     pub fn new(drives: Vec<MiniDrive>) -> Self {
-        Self::with_reply_timeout(drives, 20)
+        Self::with(drives, |_| {})
     }
 
-    pub fn with_reply_timeout(drives: Vec<MiniDrive>, reply_timeout_ms: u64) -> Self {
-        let (line, config, _) = open(drives);
-        let config = PortConfig { reply_timeout_ms, ..config };
-        Self::of(line.clone(), Port::over(line, &config))
-    }
-
-    pub fn with_motor_speed(rpm: u32) -> Self {
-        let (line, mut config, _) = open(vec![one_drive()]);
-        config.axes[0].motor_speed_rpm = rpm;
-        let mut rig = Self::of(line.clone(), Port::over(line, &config));
-        rig.until(AxisPhase::Disabled);
-        rig
-    }
-
-    fn of(line: SimulatedLine, port: Port<SimulatedLine>) -> Self {
-        let (runner, links) = port.bring_up().unwrap().split();
+    /// The configuration of the port is changed first.
+    pub fn with(drives: Vec<MiniDrive>, change: impl FnOnce(&mut PortConfig)) -> Self {
+        let (line, mut config, _) = open(drives);
+        change(&mut config);
+        let (runner, links) = Port::over(line.clone(), &config).bring_up().unwrap().split();
         let requests = vec![AxisRequest::default(); links.len()];
         let ends = Arc::new(Mutex::new(Ends { links, requests }));
         keep_writing(&line, &ends, line.time());
