@@ -46,8 +46,10 @@ impl AxisStateMachine {
                 let none = TimedReply { value: 0, sent: now, received: now };
                 self.handle_outcome(transfer, Ok(none), now, events);
             }
+            // The gateway waited for the drive: as after a timeout.
             Err(LinkError::Refused(AbortCode::NO_NODE)) => {
                 self.schedule.repeat(transfer);
+                self.handle_timeout(now, events);
                 self.handle_unanswered(UnexpectedReply::default(), now, events);
             }
             Err(LinkError::Unanswered(unexpected)) => {

@@ -153,3 +153,23 @@ fn drive_restart_while_enabling_never_jumps_or_stays_powered() {
         }
     }
 }
+
+#[test]
+fn node_restart_behind_gateway_while_enabling_leaves_no_power() {
+    for turns in 0..40 {
+        let drives = vec![MiniDrive::new(1, 11), MiniDrive::new(2, 22)];
+        let mut rig = PortRig::with(drives, |port| port.reply_timeout_ms = 1000);
+        rig.turns(20);
+        rig.request_of(1, |request| request.demand = Demand::Enabled);
+        rig.turns(turns);
+        rig.line.drive(2, MiniDrive::restart);
+        rig.line.state().silent_node = Some(2);
+        rig.line.state().forwarded.clear();
+        while rig.line.state().forwarded.is_empty() {
+            rig.turns(1);
+        }
+        rig.line.state().silent_node = None;
+        rig.turns(300);
+        assert_ne!(rig.line.drive(2, |drive| drive.state), OPERATION_ENABLED, "{turns} turns");
+    }
+}
