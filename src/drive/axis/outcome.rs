@@ -59,6 +59,7 @@ impl AxisStateMachine {
             // The watchdog may have stopped the drive: as after a time-out.
             Err(LinkError::NotOurTurn) => {
                 self.schedule.repeat(transfer);
+                self.distrust_state();
                 self.trigger.handle_failure();
                 self.handle_timeout(now, events);
             }
@@ -82,6 +83,11 @@ impl AxisStateMachine {
             AxisState::Homing(..) => self.abort_homing(TransitionError::Interrupted, now, events),
             _ => {}
         }
+    }
+
+    /// Reads the state before any other step: a controlword could end the stop of the watchdog.
+    pub(in crate::drive) fn distrust_state(&mut self) {
+        self.schedule.repeat(Transfer::Status);
     }
 
     fn update_feedback(

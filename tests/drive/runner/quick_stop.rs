@@ -1,3 +1,4 @@
+use i2ris::config::Streaming;
 use i2ris::drive::{AxisRequest, Port};
 use i2ris_testing::drive::open;
 
@@ -63,6 +64,27 @@ fn an_input_that_stops_the_drive_is_respected() {
     rig.demand(Demand::QuickStop);
     rig.turns(2);
     rig.demand_until(Demand::Enabled, AxisPhase::Enabled);
+}
+
+/// In profile mode a setpoint takes effect by controlwords, which also end a quick stop.
+#[test]
+fn a_stop_by_the_watchdog_is_not_undone() {
+    for turns in 0..30 {
+        let profile = Streaming::Profile;
+        let mut rig = PortRig::with(vec![one_drive()], |port| port.axes[0].streaming = profile);
+        rig.until(AxisPhase::Disabled);
+        rig.demand_until(Demand::Enabled, AxisPhase::Enabled);
+        for target in 0..turns {
+            rig.request(|request| request.target = Counts(target));
+            rig.turns(1);
+        }
+        rig.line.state().is_taken = true;
+        rig.turns(1);
+        rig.drive(|drive| drive.state = QUICK_STOP_ACTIVE);
+        rig.line.state().is_taken = false;
+        rig.until(AxisPhase::QuickStopped);
+        assert_eq!(rig.state(), QUICK_STOP_ACTIVE, "after {turns} turns");
+    }
 }
 
 #[test]

@@ -73,6 +73,8 @@ pub struct LineState {
     /// Delay of the host when it waits for bytes.
     pub host_delay: Nanos,
     pub hung_up: bool,
+    /// The line belongs to the watchdog.
+    pub is_taken: bool,
     /// Requests that were sent before the reply to the previous one was read.
     pub pipelined: u32,
     pub requests: Vec<ReceivedRequest>,
@@ -105,6 +107,7 @@ impl SimulatedLine {
             disturb_write: None,
             host_delay: Nanos::ZERO,
             hung_up: false,
+            is_taken: false,
             pipelined: 0,
             requests: Vec::with_capacity(100_000),
             forwarded: Vec::with_capacity(100_000),
@@ -337,6 +340,10 @@ impl Transport for SimulatedLine {
             state.inbox.pop_front();
         }
         Ok(count)
+    }
+
+    fn is_our_turn(&mut self) -> bool {
+        !self.state().is_taken
     }
 
     fn now(&self) -> Nanos {
