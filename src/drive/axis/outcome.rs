@@ -30,6 +30,8 @@ impl AxisStateMachine {
         now: Nanos,
         events: EventSink<'_>,
     ) {
+        // A write without a reply may have arrived.
+        self.settings_changed |= matches!(transfer, Transfer::Set(_));
         match outcome {
             Ok(reply) => {
                 self.unanswered = 0;
@@ -137,7 +139,6 @@ impl AxisStateMachine {
                 self.set_written(&request, reply.sent);
             }
             Transfer::Control(_) => self.trigger = TriggerState::Ready,
-            Transfer::Set(_) => self.settings_changed = true,
             _ => {}
         }
     }

@@ -1,3 +1,5 @@
+use i2ris::config::HomingMethod;
+
 use super::*;
 
 fn home(rig: &mut PortRig) {
@@ -73,6 +75,20 @@ fn unconfirmed_homing_start_is_not_repeated() {
         assert!(rig.has_event(failed_with(error)), "{disturbance:?}");
         assert_eq!(rig.feedback().homings, 1);
     }
+}
+
+/// On a line with a gateway no write is repeated after a timeout.
+#[test]
+fn unconfirmed_current_limit_of_homing_is_restored() {
+    let drives = vec![MiniDrive::new(NODE, 11), MiniDrive::new(2, 22)];
+    let mut rig = PortRig::with(drives, |port| port.axes[0].homing = HomingMethod::StopPositive);
+    rig.until(AxisPhase::Disabled);
+    rig.line.state().disturb_write = Some((0x3001, 30, Disturbance::LoseReply));
+    rig.start_homing();
+    rig.until(AxisPhase::Lost);
+    assert!(rig.has_event(failed_with(TransitionError::Interrupted)));
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.drive(|drive| drive.objects[&(0x3001, 2)]), 300);
 }
 
 #[test]
