@@ -40,9 +40,9 @@ const LOST_TURN: Nanos = Nanos::from_millis(10);
 /// How long the drives may take to switch off when the thread ends.
 const SHUTDOWN_TIMEOUT: Nanos = Nanos::from_millis(3000);
 
-/// An exchange takes 2.1 ms at 115200 baud, and little more in the drive. A longer one is delayed,
-/// most likely by the latency timer of an FTDI adapter.
-const SLOW_EXCHANGE: Nanos = Nanos::from_millis(4);
+/// An exchange that takes this much longer than computed is delayed, most likely by the latency
+/// timer of an FTDI adapter.
+const DELAY: Nanos = Nanos::from_millis(2);
 
 /// A request of the control loop to an axis. The controller uses a type that only its gate creates;
 /// a bench with drives alone uses the plain request.
@@ -70,8 +70,8 @@ pub struct PortRunner<T = SerialTransport, R: Send = AxisRequest> {
     slots: Vec<AxisSlot<R>>,
     gateway_lost: bool,
     line: LineUse,
-    /// Median duration of an exchange, measured at bring-up.
-    exchange: Nanos,
+    /// Median duration of an exchange at bring-up, if something delays it.
+    delayed: Option<Nanos>,
     positions_file: Option<PathBuf>,
 }
 
@@ -218,7 +218,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         let runner = Self {
             link,
             line: LineUse::new(slots.len()),
-            exchange,
+            delayed: (exchange > port.nominal_exchange() + DELAY).then_some(exchange),
             slots,
             gateway_lost: false,
             positions_file: port.positions_file.clone(),
@@ -240,10 +240,8 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         for slot in &mut self.slots {
             slot.report_ready(events);
         }
-        if let Some(slot) = self.slots.first()
-            && self.exchange > SLOW_EXCHANGE
-        {
-            slot.axis.report(PortEventKind::SlowLine(self.exchange), events);
+        if let (Some(slot), Some(exchange)) = (self.slots.first(), self.delayed) {
+            slot.axis.report(PortEventKind::SlowLine(exchange), events);
         }
     }
 

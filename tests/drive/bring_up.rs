@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use i2ris::config::PortConfig;
-use i2ris::drive::{DriveError, Port};
+use i2ris::drive::{AxisRequest, DriveError, Port, PortEventKind};
+use i2ris::units::Nanos;
 use i2ris_testing::drive::{bring_up, one_drive, open, *};
 
 /// Brings up a drive with this change.
@@ -173,6 +174,21 @@ fn a_drive_that_does_not_switch_off_is_refused() {
     assert_parts(&text, &["power stage does not switch off"]);
     let controlwords = line.drive(1, |drive| drive.written(0x6040, 0));
     assert_eq!(controlwords, [0x0007, 0x0000], "cleanly, then at once");
+}
+
+#[test]
+fn slow_line_is_reported_relative_to_its_baud_rate() {
+    for (baud, is_slow) in [(57_600, false), (115_200, true)] {
+        let (line, config, _) = open(vec![one_drive()]);
+        line.state().adapter_hold = Nanos::from_micros(2400);
+        let port = Port::over(line, &PortConfig { baud, ..config }).bring_up().unwrap();
+        let (mut runner, _links) = port.split::<AxisRequest>();
+        let mut is_reported = false;
+        runner.report_ready(&mut |event| {
+            is_reported |= matches!(event.kind, PortEventKind::SlowLine(_));
+        });
+        assert_eq!(is_reported, is_slow, "{baud} baud");
+    }
 }
 
 #[test]

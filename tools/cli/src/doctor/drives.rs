@@ -146,8 +146,8 @@ pub fn of_device(file: &DeviceFile) -> DriveFingerprint {
     }
 }
 
-/// Duration of an exchange above which something delays it.
-const SLOW: Nanos = Nanos::from_millis(4);
+/// Something delays an exchange that takes this much longer than computed.
+const DELAY: Nanos = Nanos::from_millis(2);
 /// Supply voltages that a small drive should see, volts.
 const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.0..=50.0;
 const MAX_NAMED: usize = 3;
@@ -164,7 +164,7 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
     match inspect(port) {
         Ok(seen) => {
             let found = format!("answers; {}", port.describe_line(seen.exchange));
-            if seen.exchange > SLOW {
+            if seen.exchange > port.nominal_exchange() + DELAY {
                 let shorten = latency_timer::command(&port.device);
                 report.warn(name, found, format!("run `{shorten}`, and connect without a hub"));
             } else {
