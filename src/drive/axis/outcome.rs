@@ -40,6 +40,12 @@ impl AxisStateMachine {
                     self.advance(transfer, reply.value, now, events);
                 }
             }
+            // The gateway waited for the drive: as after a timeout.
+            Err(LinkError::Refused(AbortCode::NO_NODE)) => {
+                self.schedule.repeat(transfer);
+                self.handle_timeout(now, events);
+                self.handle_unanswered(UnexpectedReply::default(), now, events);
+            }
             // An empty error history, or a drive that does not report the code.
             Err(LinkError::Refused(code))
                 if transfer == Transfer::ErrorCode
@@ -47,12 +53,6 @@ impl AxisStateMachine {
             {
                 let none = TimedReply { value: 0, sent: now, received: now };
                 self.handle_outcome(transfer, Ok(none), now, events);
-            }
-            // The gateway waited for the drive: as after a timeout.
-            Err(LinkError::Refused(AbortCode::NO_NODE)) => {
-                self.schedule.repeat(transfer);
-                self.handle_timeout(now, events);
-                self.handle_unanswered(UnexpectedReply::default(), now, events);
             }
             Err(LinkError::Unanswered(unexpected)) => {
                 self.schedule.repeat(transfer);
@@ -344,6 +344,26 @@ impl AxisStateMachine {
             self.set_lost(LinkError::Unanswered(unexpected), events);
         } else if let AxisState::Homing(step, ..) = self.state {
             self.handle_homing(step.handle_timeout(), now, events);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{AxisConfig, Family};
+    use crate::drive::family_selection::family_of_line;
+
+    #[test]
+    fn silence_of_a_node_is_no_error_code() {
+        let config = AxisConfig::new(0, 1, [Counts(-100), Counts(100)]);
+        let mut axis = AxisStateMachine::new(&config, family_of_line(Family::Epos2));
+        axis.state = AxisState::Faulted(FaultStep::ReadCode);
+        let (silence, empty) = (AbortCode::NO_NODE, AbortCode(0x0602_0000));
+        for (code, step) in [(silence, FaultStep::ReadCode), (empty, FaultStep::WaitForOperator)] {
+            let refused = Err(LinkError::Refused(code));
+            axis.handle_outcome(Transfer::ErrorCode, refused, Nanos::ZERO, &mut |_| {});
+            assert_eq!(axis.state, AxisState::Faulted(step));
         }
     }
 }
