@@ -19,8 +19,7 @@ pub struct PortConfig {
     /// The family of the drive that the port belongs to: it decides the command set on the line.
     #[serde(default)]
     pub family: Family,
-    /// Timeout for a reply, in milliseconds. Behind a gateway: longer than the gateway's
-    /// own timeout for a node.
+    /// Timeout for a reply, in milliseconds.
     #[serde(default = "default_reply_timeout_ms")]
     pub reply_timeout_ms: u64,
     /// The file that saves the positions of the axes when the controller ends, relative to the
