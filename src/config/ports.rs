@@ -257,12 +257,15 @@ mod tests {
         }
         let second = "[[ports.axes]]\nmotor = 1\nnode_id = 0\nserial_number = 2\n\
                       position_min_counts = 0\nposition_max_counts = 1";
+        let positions = "positions_file = \"p\"";
+        let other_port = format!("[[ports]]\ndevice = \"/dev/zero\"\n{positions}\n{second}");
         for (port, axis, reason) in [
             ("family = \"epos2\"", "streaming = \"profile\"", "for EPOS4 only"),
             ("", "family = \"epos2\"\nstreaming = \"profile\"", "for EPOS4 only"),
             ("", "family = \"epos2\"\ncurrent_limit_ma = 70000", "at most 2000"),
             ("family = \"epos3\"", "", "epos2"),
             ("", second, "node_id = 0: is already named by another axis of the same port"),
+            (positions, &other_port, "[1].positions_file = p: is already named by another port"),
             ("", "homing = \"stop-positive\"\nhoming_current_ma = 300", "how hard"),
             ("", "homing = \"stop-positive\"\nhoming_stop_counts = 101", "within the pos"),
         ] {

@@ -154,8 +154,7 @@ fn check_ports(config: &Config, findings: &mut Findings) {
         "there must be 1 or 2 axes, plus at most one auxiliary axis",
     );
     for (index, port) in config.ports.iter().enumerate() {
-        let is_repeated = config.ports[..index].iter().any(|other| other.device == port.device);
-        check_port(port, index, is_repeated, findings);
+        check_port(port, &config.ports[..index], findings);
     }
     for axis in config.axes() {
         match axis.auxiliary_counts_per_deg {
@@ -208,20 +207,21 @@ fn axis_key(axis: &AxisConfig, name: &str) -> String {
     format!("ports.axes[motor {}].{name}", axis.motor)
 }
 
-fn check_port(port: &PortConfig, index: usize, is_repeated: bool, findings: &mut Findings) {
-    let key = |name: &str| format!("ports[{index}].{name}");
+fn check_port(port: &PortConfig, before: &[PortConfig], findings: &mut Findings) {
+    let key = |name: &str| format!("ports[{}].{name}", before.len());
     findings.require(
         BAUD_RATES.contains(&port.baud),
         key("baud"),
         port.baud,
         format!("must be one of {BAUD_RATES:?}"),
     );
-    findings.require(
-        !is_repeated,
-        key("device"),
-        port.device.display(),
-        "is already named by another port",
-    );
+    let reason = "is already named by another port";
+    let is_new = before.iter().all(|other| other.device != port.device);
+    findings.require(is_new, key("device"), port.device.display(), reason);
+    if let Some(file) = &port.positions_file {
+        let is_new = before.iter().all(|other| other.positions_file.as_ref() != Some(file));
+        findings.require(is_new, key("positions_file"), file.display(), reason);
+    }
     for (position, axis) in port.axes.iter().enumerate() {
         let family = axis.family.unwrap_or(port.family);
         findings.require(
