@@ -182,11 +182,11 @@ struct SavedPositions {
 /// Longest file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 16;
 
-/// Reads and removes the file: a position is valid for one start. A file that cannot be read, or
-/// that another user may have written, is empty.
+/// Reads and removes the file: a position is valid for one start. A file that cannot be read or
+/// removed, or that another user may have written, is empty.
 pub(in crate::drive) fn take_positions(file: &Path) -> Vec<SavedPosition> {
     let text = read_trusted(file, MAX_FILE_BYTES).unwrap_or_default();
-    let _ = fs::remove_file(file);
+    let Ok(()) = fs::remove_file(file) else { return Vec::new() };
     toml::from_str::<SavedPositions>(&text).unwrap_or_default().axes
 }
 
