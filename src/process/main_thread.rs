@@ -107,8 +107,13 @@ impl MainThread<'_> {
             }
         }
         while let Ok(event) = self.events.pop() {
-            let client = self.lease_holder(&event);
-            lines.push(match &client {
+            let client = match event.kind {
+                CycleEventKind::Lease { client_id } => {
+                    find_client_process(&self.domain, self.boot_id, client_id)
+                }
+                _ => None,
+            };
+            lines.push(match client {
                 Some(client) => (event.stamp, format!("{event}: {client}")),
                 None => (event.stamp, event.to_string()),
             });
@@ -137,13 +142,6 @@ impl MainThread<'_> {
         let message =
             EventMsg { stamp_ns: clock::now().0, text: padded_text(&line), ..EventMsg::default() };
         let _ = self.published.send(StreamMessage::Events(message));
-    }
-
-    fn lease_holder(&self, event: &CycleEvent) -> Option<String> {
-        let CycleEventKind::Lease { client_id } = event.kind else {
-            return None;
-        };
-        find_client_process(&self.domain, self.boot_id, client_id).map(|client| client.to_string())
     }
 }
 

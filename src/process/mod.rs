@@ -44,7 +44,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use lexopt::Arg::{Long, Short};
-use lexopt::Parser;
 
 use crate::COMMIT;
 use crate::config::{Config, ConfigError};
@@ -73,9 +72,9 @@ struct UsageError {
 pub fn read_command_line(
     program: &'static str,
     help: &str,
-    mut option: impl FnMut(&str, &mut Parser) -> Result<bool, lexopt::Error>,
+    mut option: impl FnMut(&str, &mut lexopt::Parser) -> Result<bool, lexopt::Error>,
 ) -> Result<Option<Config>, Failure> {
-    let mut parser = Parser::from_args(std::env::args_os().skip(1));
+    let mut parser = lexopt::Parser::from_args(std::env::args_os().skip(1));
     let mut parse = || {
         let mut config = None;
         while let Some(argument) = parser.next()? {

@@ -78,6 +78,8 @@ pub struct Recorder {
     offers: VecDeque<OfferRecord>,
     newest: u64,
     lost: u64,
+    /// Clients that wait for a file, which would be empty before the first tick.
+    requested: Vec<u64>,
     /// Time of a fault whose file is not yet written.
     fault: Option<Nanos>,
     /// Time of the last file written for a fault.
@@ -118,6 +120,7 @@ impl Recorder {
             offers: VecDeque::new(),
             newest: 0,
             lost: 0,
+            requested: Vec::new(),
             fault: None,
             last_fault: None,
         };
@@ -152,7 +155,6 @@ impl Recorder {
     fn drain(&mut self, requests: &Receiver<RecorderRequest>, replies: &Sender<WriteReply>) {
         // The model manager announces a model before it sends it to the loop, so the offer is read
         // before its tick.
-        let mut writes = Vec::new();
         for request in requests.try_iter() {
             match request {
                 RecorderRequest::Offer(offer, model) => {
@@ -162,7 +164,7 @@ impl Recorder {
                     self.models.insert(offer.model, model);
                     self.offers.push_back(*offer);
                 }
-                RecorderRequest::Write(token) => writes.push(token),
+                RecorderRequest::Write(token) => self.requested.push(token),
             }
         }
         while let Ok(tick) = self.ticks.pop() {
@@ -170,7 +172,8 @@ impl Recorder {
         }
         self.live.flush();
         self.drop_unused_models();
-        for token in writes {
+        let ready = self.ring.ticks().next().map(|_| std::mem::take(&mut self.requested));
+        for token in ready.into_iter().flatten() {
             let outcome = self.write("request").map_err(|error| error.to_string());
             // The IPC thread may have ended.
             let _ = replies.send((token, outcome));
