@@ -54,8 +54,8 @@ pub fn fit(
             fitter.attempt(family)
         })
         .collect();
-    let judging = fitter.context.held_out_or_training();
-    let judges = |row: &usize| usable(row) && judging.binary_search(row).is_ok();
+    let counted = fitter.context.counted();
+    let judges = |row: &usize| usable(row) && counted.binary_search(row).is_ok();
     let judged_rows = judged_rows(&split, known_from(recording), &judges);
     let training: Vec<usize> = fitter.context.training.to_vec();
     let noise = noise_of(&quality, recording);
@@ -91,7 +91,7 @@ pub fn fit(
         family,
         linear,
         families,
-        report: FitReport { split, quality, training, every, scores, judged: judged_rows },
+        report: FitReport { split, quality, training, counted, every, scores, judged: judged_rows },
     })
 }
 

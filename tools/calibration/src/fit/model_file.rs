@@ -124,14 +124,15 @@ impl FileContext<'_> {
         })
     }
 
-    /// Held-out rows if there are any; their error is that of motion in use. A model is not used
-    /// outside the hull of its training rows, so rows outside count only if they are the majority.
+    /// Held-out rows if there are any; their error is that of motion in use.
     pub fn held_out_or_training(&self) -> Vec<usize> {
-        let held_out = self.judging();
+        let held_out = self.counted();
         if held_out.is_empty() { self.training.to_vec() } else { held_out }
     }
 
-    fn judging(&self) -> Vec<usize> {
+    /// Held-out rows that count: a model is not used outside the hull of its training rows, so rows
+    /// outside count only if they are the majority.
+    pub fn counted(&self) -> Vec<usize> {
         let hull = Hull::new(self.hull, self.recording.motors());
         let counts = |row: usize| &self.recording.rows()[row].counts;
         let is_inside = |row: &usize| hull.as_ref().is_ok_and(|hull| hull.contains(counts(*row)));
@@ -192,7 +193,7 @@ impl FileContext<'_> {
             // Training rows of a constant output were refused before anything was fitted.
             training: measure(&mut self.training.iter().copied(), output)
                 .unwrap_or(NO_METRICS.training),
-            held_out: measure(&mut self.judging().into_iter(), output),
+            held_out: measure(&mut self.counted().into_iter(), output),
         };
         (0..self.recording.outputs().len()).map(of_output).collect()
     }

@@ -167,6 +167,8 @@ pub struct FitReport {
     pub split: Split,
     pub quality: Quality,
     pub training: Vec<usize>,
+    /// Held-out rows that count: within the hull of the training rows, or all if most lie outside.
+    pub counted: Vec<usize>,
     /// One of this many usable rows was used.
     pub every: usize,
     /// Held-out rows with known state, in blocks, for judging the families.

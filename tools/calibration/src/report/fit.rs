@@ -1,7 +1,5 @@
 //! Report of a fit: one value, which is printed, written as JSON, and shown on a page.
 
-use std::ops::Range;
-
 use i2ris::model::file::OutputMetrics;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use serde::Serialize;
@@ -66,7 +64,7 @@ pub(super) struct RecordingFacts {
     /// One of this many usable rows was used.
     pub every: usize,
     pub held_out: usize,
-    /// Description of the held-out rows: `the last of 3.97 cycles`.
+    /// Description of the held-out rows: `the last of 3.97 cycles`, and how many do not count.
     pub held_out_rows: String,
     pub held_out_flagged: usize,
 }
@@ -207,16 +205,6 @@ pub(super) struct Track {
     /// Whether the counts along each output rose last.
     pub rising: Vec<[bool; MAX_OUTPUTS]>,
     pub measured: Vec<[f64; MAX_OUTPUTS]>,
-    /// Rows used for training, in rising order.
-    pub training: Vec<usize>,
-    pub held_out: Vec<Range<usize>>,
-    pub clipped: Vec<usize>,
-}
-
-impl Track {
-    pub fn held_out(&self) -> impl Iterator<Item = usize> + '_ {
-        self.held_out.iter().cloned().flatten()
-    }
 }
 
 /// A sweep back and forth: counts along the output, prediction, and the straight line.

@@ -13,7 +13,6 @@ use super::fit::{
     Branches, CalibrationReport, Errors, FamilyResult, OutputFacts, RecordingFacts, Straight, Track,
 };
 use crate::fit::metrics::{clipped_rows, predictions};
-use crate::fit::split::Split;
 use crate::fit::{Choice, Components, FamilyOutcome, FitOptions, FitOutcome, ModelMismatch};
 use crate::hand_limits::HandLimits;
 use crate::quality::{inputs, outputs};
@@ -34,10 +33,8 @@ impl CalibrationReport {
         let report = &outcome.report;
         let file = outcome.model.file();
         let facts = output_facts(recording, outcome);
-        let mut track = track(recording, &report.split, &report.training, &facts);
-        let clipped = clipped_rows(&outcome.model, recording);
-        track.clipped = clipped.into_iter().map(|(row, _)| row).collect();
-        let rows = recording.rows().len();
+        let track = track(recording, &facts);
+        let (clipped, rows) = (clipped_rows(&outcome.model, recording).len(), track.counts.len());
         let family = |family| family_result(family, outcome, recording, &facts, &track);
         let families: Vec<FamilyResult> = outcome.families.iter().filter_map(family).collect();
         let failure = |family: &FamilyOutcome| {
@@ -60,7 +57,7 @@ impl CalibrationReport {
             chosen_by_held_out: options.choice == Choice::Best && families.len() > 1,
             families,
             choice: report.scores.iter().map(score).collect(),
-            usable_percent: 100.0 * (1.0 - track.clipped.len() as f64 / rows as f64),
+            usable_percent: 100.0 * (1.0 - clipped as f64 / rows as f64),
             hand: Some(HandLimits::new(&outcome.model, &motors, &joints)),
             unexplained: outcome.unexplained(recording),
             beyond_model: ModelMismatch::find(outcome, recording).map(|found| found.to_string()),
@@ -78,7 +75,11 @@ fn recording_facts(
     outcome: &FitOutcome,
 ) -> RecordingFacts {
     let report = &outcome.report;
-    let flagged = report.split.held_out().filter(|row| report.quality.is_flagged(*row));
+    let (held_out, counted) = (report.split.held_out().count(), &report.counted);
+    let outside = match held_out - counted.len() {
+        0 => String::new(),
+        rows => format!("; {rows} outside the training hull do not count"),
+    };
     RecordingFacts {
         name: recording.name().to_owned(),
         sha256: recording.sha256().to_owned(),
@@ -86,9 +87,9 @@ fn recording_facts(
         read: read.clone(),
         training: report.training.len(),
         every: report.every,
-        held_out: report.split.held_out().count(),
-        held_out_rows: report.split.kind().to_string(),
-        held_out_flagged: flagged.count(),
+        held_out,
+        held_out_rows: format!("{}{outside}", report.split.kind()),
+        held_out_flagged: counted.iter().filter(|row| report.quality.is_flagged(**row)).count(),
     }
 }
 
@@ -136,7 +137,6 @@ fn family_result(
         branches(model, index, &output.straight, unit(index))
     };
     let predicted = predictions(model, recording);
-    let held_out: Vec<usize> = track.held_out().collect();
     Some(FamilyResult {
         name: family.family.to_string(),
         title: file.family.title(),
@@ -145,8 +145,8 @@ fn family_result(
         model_id: if chosen { outcome.model.id() } else { model.id() }.to_string(),
         fit_seconds: family.seconds,
         metrics: file.metrics.clone(),
-        training: errors(track, &predicted, facts.len(), &track.training),
-        held_out: errors(track, &predicted, facts.len(), &held_out),
+        training: errors(track, &predicted, facts.len(), &outcome.report.training),
+        held_out: errors(track, &predicted, facts.len(), &outcome.report.counted),
         reading: outcome.reading(family),
         branches: facts.iter().enumerate().map(branch).collect(),
         mixtures: file.family.mixture().map_or_else(Vec::new, |mixture| {
@@ -191,7 +191,7 @@ fn settings(options: &FitOptions) -> Vec<(String, String)> {
     .to_vec()
 }
 
-fn track(recording: &Recording, split: &Split, training: &[usize], facts: &[OutputFacts]) -> Track {
+fn track(recording: &Recording, facts: &[OutputFacts]) -> Track {
     let rows = recording.rows();
     let start = rows.first().and_then(|row| row.time_s);
     let time = |(index, row): (usize, &crate::recording::Row)| match (row.time_s, start) {
@@ -204,9 +204,6 @@ fn track(recording: &Recording, split: &Split, training: &[usize], facts: &[Outp
         counts: rows.iter().map(|row| row.counts).collect(),
         rising: rising(recording, facts),
         measured: rows.iter().map(|row| row.outputs).collect(),
-        training: training.to_vec(),
-        held_out: split.blocks().to_vec(),
-        clipped: Vec::new(),
     }
 }
 

@@ -107,7 +107,7 @@ impl CalibrationReport {
                 "The held-out rows include {flagged} flagged as spikes; they count in all figures."
             ));
         }
-        if self.track.held_out().next().is_none() {
+        if self.recording.held_out == 0 {
             notices.push(
                 "No rows were held out: these figures do not show the error on other motion, and \
                  the family with the most parameters looks best."
