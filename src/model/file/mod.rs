@@ -162,7 +162,7 @@ impl FamilyParameters {
 pub struct TrainingRecord {
     /// Name of the recording, without folders.
     pub data_file: String,
-    /// SHA-256 of the recording's bytes, hexadecimal.
+    /// SHA-256 of the recording's bytes, hexadecimal; of two recordings both, with a space.
     pub data_sha256: String,
     /// Rows used for training.
     pub rows: usize,

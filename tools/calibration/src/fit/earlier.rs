@@ -112,7 +112,7 @@ impl Judgement {
             (Some(error), Some(unit)) => format!("{:.3} {unit}", error / unit.si()),
             _ => "no model".to_owned(),
         };
-        let seen = earlier.training.data_sha256 == recording.sha256();
+        let seen = earlier.training.data_sha256.contains(recording.sha256());
         format!(
             "the earlier calibration is one more start, and is {} (held out {}, own starts {}){}",
             if self.is_taken { "taken" } else { "not surely better" },

@@ -92,6 +92,8 @@ fn the_hash_is_that_of_the_bytes() {
     let (longer, _) = read(&lines.join("\n")).unwrap();
     assert_eq!(recording.rows(), longer.rows());
     assert_ne!(recording.sha256(), longer.sha256());
+    let both = recording.followed_by(&longer).unwrap();
+    assert_eq!(both.sha256(), format!("{} {}", recording.sha256(), longer.sha256()));
     // Output of `printf abc | sha256sum`.
     let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
     assert_eq!(hash(b"abc"), abc);
