@@ -28,7 +28,7 @@ pub struct CalibrationReport {
     pub(super) spikes: Vec<Spike>,
     /// Latency of the outputs' stamps by plays alone, which rows held out did not confirm.
     pub(super) latency: Option<Latency>,
-    /// Correction of the outputs' stamps before the fit, s.
+    /// Correction of the outputs' stamps before the fit, s; `None` if held-out rows confirm none.
     pub latency_taken_off_s: Option<f64>,
     pub(super) warnings: Vec<String>,
     /// Families that were fitted, the simplest first.

@@ -12,8 +12,7 @@ use i2ris_calibration::{drift::refine, report::CalibrationReport};
 use i2ris_report::{Failure, bail, programs::find};
 use serde::Deserialize;
 
-use super::collect::Recorder;
-use super::{check, print_latency, without_latency, write};
+use super::{check, collect::Recorder, print_latency, without_latency, write};
 use crate::progress_bar::Bar;
 
 /// Fits a model to its recording and a trial. Files: the recording, the model and the trial.
@@ -36,13 +35,11 @@ pub fn run(
     }
     let trial = trial(trial_file, output, calibration.outputs())?;
     for recording in [&calibration, &trial] {
-        let name = model_file.display();
-        check(&old, recording).map_err(|reason| format!("model {name}: {reason}"))?;
+        check(&old, recording).map_err(|it| format!("model {}: {it}", model_file.display()))?;
     }
-    let (calibration, _) = without_latency(calibration);
     let (trial, latency) = without_latency(trial);
     let in_use = trial.rows().len();
-    let both = calibration.followed_by(&trial)?;
+    let both = without_latency(calibration).0.followed_by(&trial)?;
     let (robot_id, recorded_at) = (old.file().robot_id.clone(), named.recorded_at.clone());
     let family = serde_json::to_value(&old.file().family)?;
     let choice = family["kind"].as_str().unwrap_or_default().parse::<Choice>()?;
@@ -51,8 +48,11 @@ pub fn run(
     let refined = refine(&old, &both, in_use, &options, &Bar::new())
         .map_err(|error| format!("trial {}: {error}", trial_file.display()))?;
     if let Some(page) = report {
-        let read = ReadReport { rows: both.rows().len(), ..read };
-        write(page, &CalibrationReport::new(&both, &read, &options, &refined.outcome).html())?;
+        let rows = both.path().len();
+        let read = ReadReport { rows, positions: rows - both.rows().len(), ..read };
+        let mut result = CalibrationReport::new(&both, &read, &options, &refined.outcome);
+        result.latency_taken_off_s = Some(latency.unwrap_or_default());
+        write(page, &result.html())?;
     }
     refined.outcome.model.file().write(output)?;
     let [before, after] = refined.held_out;
