@@ -196,7 +196,8 @@ def test_progress_is_reported_and_an_interrupt_ends_a_fit(train):
 def test_the_inverse_comes_back_whole_and_tick_by_tick(train, tmp_path):
     import pickle
 
-    fit = Calibration("linear").fit(train.t_s, train.counts, train.angles_deg)
+    fit = Calibration("linear", remove_latency=False).fit(train.t_s, train.counts, train.angles_deg)
+    assert fit.report_["latency_taken_off_s"] == 0
     fit.save(tmp_path / "model.json")
     model = Model.load(tmp_path / "model.json")
     assert model.id == fit.model_.id == pickle.loads(pickle.dumps(model)).id

@@ -162,7 +162,7 @@ pub fn fit(
         let named = |error| format!("recording {}: {error}", path.display());
         let (recording, taken_off) = match latency {
             true => recording.aligned().map_err(|late| named(late.to_string()))?,
-            false => (recording, None),
+            false => (recording, Some(0.0)),
         };
         let outcome = i2ris_calibration::fit::fit(&recording, &options, watched)
             .map_err(|error| named(error.to_string()))?;
