@@ -27,10 +27,10 @@ pub fn run(
     let (calibration, read) = Recording::read(recording_file, &columns)?;
     let named = &old.file().training;
     if named.data_sha256 != calibration.sha256() {
+        let (file, data_file) = (recording_file.display(), &named.data_file);
         bail!(
-            "{}: the model was fitted to {}; name that file",
-            recording_file.display(),
-            named.data_file
+            "{file}: the model was fitted to {data_file}; name that file; for a refined model \
+             name, with --model, the one from before its trial"
         );
     }
     let trial = trial(trial_file, output, calibration.outputs())?;
