@@ -215,9 +215,9 @@ impl FamilyFitter<'_> {
     }
 }
 
-fn tried(most: usize) -> Vec<usize> {
+pub(super) fn tried(most: usize) -> Vec<usize> {
     let few = most.min(PUBLISHED)..=most.min(6);
-    few.chain([8, 10, 12].into_iter().filter(|number| *number <= most)).collect()
+    few.chain((8..=most).step_by(2)).collect()
 }
 
 /// A note if there are fewer components than requested, or than published.

@@ -218,6 +218,7 @@ fn three_components_are_the_least_that_are_chosen() {
     assert_eq!((components(&outcome), note(&outcome)), (3, ""));
     let outcome = fitted(&wandering_with_noise(), &with_components(Components::UpTo(2)));
     assert_eq!(components(&outcome), 2);
+    assert_eq!(super::one_family::tried(17), [3, 4, 5, 6, 8, 10, 12, 14, 16]);
 }
 
 fn wandering_with_noise() -> Recording {
