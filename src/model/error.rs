@@ -77,8 +77,8 @@ pub enum ModelError {
     /// The prediction at the inverse of a pose misses the pose: the model folds or is flat there.
     #[error(
         "the inverse fails at counts {counts:?}: forward(inverse(x)) misses x by {error:.4} \
-         {unit}, and one count is \
-         worth {one_count:.4} {unit} there; record more of that region or fit with fewer components"
+         {unit}, and one count is worth {one_count:.4} {unit} there; record more of that region, \
+         or fit with fewer components or another family"
     )]
     NotInvertible {
         /// The position, counts, one per motor.

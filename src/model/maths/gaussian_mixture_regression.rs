@@ -232,8 +232,7 @@ impl<const I: usize, const O: usize> Part<I, O> {
         let refused = |shown: String| ModelError::Value {
             key: format!("{name}.covariances[{k}]"),
             value: shown,
-            reason: "the component is too narrow to compute with: fit with more regularisation or \
-             fewer components",
+            reason: "the component is too narrow to compute with: fit with fewer components",
         };
         let inputs: DMatrix<f64> = block(input, input, I, I);
         let factor = inputs.cholesky().ok_or_else(|| refused("no Cholesky factor".to_owned()))?;

@@ -77,8 +77,7 @@ pub(in crate::model) fn positive_definite(
     matrix: &DMatrix<f64>,
     key: impl Fn() -> String,
 ) -> Result<(), ModelError> {
-    let reason =
-        "the matrix must be positive definite: fit with more regularisation or fewer components";
+    let reason = "the matrix must be positive definite: fit with fewer components";
     let variances = matrix.diagonal();
     let positive = variances.iter().all(|v| *v > 0.0);
     require(positive, &key, format!("variances {:?}", variances.as_slice()), reason)?;

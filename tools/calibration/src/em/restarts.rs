@@ -29,7 +29,7 @@ pub enum EmError {
     TooFewRows { rows: usize, variables: usize, components: usize, most: usize },
     #[error(
         "no start left a component: the likelihood of these rows has no maximum; record more, or \
-         regularise more"
+         use fewer components"
     )]
     NoStartSucceeded,
 }
