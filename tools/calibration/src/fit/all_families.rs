@@ -249,8 +249,8 @@ impl<'a> TrainingData<'a> {
     }
 }
 
-/// The chosen family, fitted to all rows, because the held-out rows are no longer needed. Their
-/// metrics stay those of the fit that had not seen them. `None` if that gives no model.
+/// The chosen family, fitted to all rows, because the held-out rows are no longer needed. Errors
+/// stay those of the fit that had not seen them. `None` if that gives no model.
 fn refit(
     recording: &Recording,
     rows: Vec<usize>,
@@ -278,6 +278,7 @@ fn refit(
     for (metrics, judged) in honest {
         metrics.held_out = judged.held_out;
     }
+    file.slow_error = judged.file().slow_error;
     let mut judged = judged.file().family.clone();
     let covariances = constant_covariance(&mut file.family).zip(constant_covariance(&mut judged));
     if let Some((covariance, judged)) = covariances {

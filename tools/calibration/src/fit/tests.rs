@@ -269,6 +269,7 @@ fn fit_uses_all_rows_and_is_judged_on_unseen_rows() {
     assert_eq!(outcome.model.file().training.rows, 400);
     let judged = outcome.families[0].result.as_ref().unwrap();
     assert_eq!(judged.file().training.rows, 300);
+    assert_eq!(outcome.model.file().slow_error, judged.file().slow_error);
     for output in 0..2 {
         assert_eq!(held_out(&outcome.model, output), held_out(judged, output));
         assert!(held_out(judged, output) < 1.5 * judged.file().metrics[output].training.rmsd);
