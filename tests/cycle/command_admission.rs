@@ -106,14 +106,11 @@ fn one_client_commands_at_a_time() {
     bench.run(499);
     assert_eq!(refusal(&mut bench, |c| c.client_id = 8), Refusal::None, "500 ms of silence");
     assert_eq!(bench.report().lease_client_id, 8);
-    let leases: Vec<u64> = bench
-        .events
-        .iter()
-        .filter_map(|event| {
-            if let CycleEventKind::Lease { client_id } = event { Some(*client_id) } else { None }
-        })
-        .collect();
-    assert_eq!(leases, [CLIENT, 0, 8]);
+    let lease = |event: &CycleEventKind| match event {
+        CycleEventKind::Lease { client_id } => Some(*client_id),
+        _ => None,
+    };
+    assert_eq!(bench.events.iter().filter_map(lease).collect::<Vec<_>>(), [CLIENT, 0, 8]);
 }
 
 #[test]

@@ -47,23 +47,15 @@ pub const TABLE: &[Row] = &[
     ("moving", moving_to_pose, OCCUPIED),
     ("conditioning", conditioning, [E, D, P, E, ON, ON, CONDITIONING, NONE, E, E, CONDITIONING]),
     ("paused", Bench::paused, [HELD, D, P, E, ON, ON, HELD, NONE, P, P, HELD]),
-    (
-        "drive fault",
-        Bench::faulted,
-        [FAULT, F, FAULT, FAULT, FAULT, FAULT, FAULT, F, F, FAULT, FAULT],
-    ),
-    (
-        "fault that is over",
-        fault_over,
-        [FAULT, F, FAULT, FAULT, FAULT, FAULT, FAULT, D, F, FAULT, FAULT],
-    ),
-    (
-        "fault that persists",
-        fault_persists,
-        [FAULT, F, FAULT, FAULT, FAULT, FAULT, FAULT, PERSISTS, F, FAULT, FAULT],
-    ),
-    ("resetting", resetting, [FAULT, F, FAULT, FAULT, FAULT, FAULT, FAULT, BUSY, F, FAULT, FAULT]),
+    ("drive fault", Bench::faulted, in_fault(F)),
+    ("fault that is over", fault_over, in_fault(D)),
+    ("fault that persists", fault_persists, in_fault(PERSISTS)),
+    ("resetting", resetting, in_fault(BUSY)),
 ];
+
+const fn in_fault(acknowledged: Answer) -> [Answer; 11] {
+    [FAULT, F, FAULT, FAULT, FAULT, FAULT, FAULT, acknowledged, F, FAULT, FAULT]
+}
 
 fn slow(mut bench: Bench) -> Bench {
     for drive in &mut bench.drives {

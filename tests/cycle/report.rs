@@ -113,15 +113,13 @@ fn holding_is_reported_where_nothing_is_followed() {
 #[test]
 fn every_change_of_phase_is_an_event() {
     let bench = Bench::enabled();
-    let phases: Vec<AxisPhase> = bench
-        .events
-        .iter()
-        .filter_map(|event| {
-            if let CycleEventKind::Axis { motor: 1, to, .. } = event { Some(*to) } else { None }
-        })
-        .collect();
+    let phase = |event: &CycleEventKind| match event {
+        CycleEventKind::Axis { motor: 1, to, .. } => Some(*to),
+        _ => None,
+    };
     use AxisPhase as P;
-    assert_eq!(phases, [P::Disabled, P::Homing, P::Disabled, P::Enabling, P::Enabled]);
+    let expected = [P::Disabled, P::Homing, P::Disabled, P::Enabling, P::Enabled];
+    assert_eq!(bench.events.iter().filter_map(phase).collect::<Vec<_>>(), expected);
 }
 
 #[test]
@@ -132,27 +130,21 @@ fn every_state_transition_is_logged() {
     bench.fault(1);
     bench.ask(StateCommand::Acknowledge);
     bench.idle();
-    let states: Vec<_> = bench
-        .events
-        .iter()
-        .filter_map(|event| match event {
-            CycleEventKind::State { to, command, fault, .. } => Some((*to, *command, *fault)),
-            _ => None,
-        })
-        .collect();
+    let transition = |event: &CycleEventKind| match event {
+        CycleEventKind::State { to, command, fault, .. } => Some((*to, *command, *fault)),
+        _ => None,
+    };
     use OperatingState as S;
     use StateCommand as C;
-    assert_eq!(
-        states,
-        [
-            (S::Disabled, Some(C::Home), Fault::None),
-            (S::Disabled, Some(C::Enable), Fault::None),
-            (S::Enabled, Some(C::Enable), Fault::None),
-            (S::Paused, Some(C::Pause), Fault::None),
-            (S::Enabled, Some(C::Resume), Fault::None),
-            (S::Fault, None, Fault::Drive),
-            (S::Fault, Some(C::Acknowledge), Fault::None),
-            (S::Disabled, Some(C::Acknowledge), Fault::None),
-        ]
-    );
+    let expected = [
+        (S::Disabled, Some(C::Home), Fault::None),
+        (S::Disabled, Some(C::Enable), Fault::None),
+        (S::Enabled, Some(C::Enable), Fault::None),
+        (S::Paused, Some(C::Pause), Fault::None),
+        (S::Enabled, Some(C::Resume), Fault::None),
+        (S::Fault, None, Fault::Drive),
+        (S::Fault, Some(C::Acknowledge), Fault::None),
+        (S::Disabled, Some(C::Acknowledge), Fault::None),
+    ];
+    assert_eq!(bench.events.iter().filter_map(transition).collect::<Vec<_>>(), expected);
 }

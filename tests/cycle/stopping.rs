@@ -106,6 +106,34 @@ fn disable_decelerates_and_settles_before_power_off() {
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
 }
 
+/// All drives but the first search for a hard stop.
+#[test]
+fn every_stop_ends_a_homing() {
+    let stops: [fn(&mut Bench); 6] = [
+        |bench| assert_eq!(bench.ask(StateCommand::Disable), Refusal::None),
+        |bench| assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Hold).refusal, Refusal::None),
+        |bench| assert_eq!(bench.ask(StateCommand::Release), Refusal::None),
+        |bench| bench.shutdown = true,
+        |bench| bench.drives[0].fail(0x8611),
+        // Until the core gives up.
+        |bench| bench.run(29_997),
+    ];
+    for stop in stops {
+        let mut bench = Bench::new(with_jaw(config("")), Some(standard_model()));
+        (bench.drives[1].delay, bench.jaw.delay) = (60_000, 60_000);
+        assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
+        bench.run(3);
+        stop(&mut bench);
+        // A zero that moves until then is not motion.
+        let epoch = bench.report().mark.epoch;
+        bench.tick();
+        assert!(bench.report().mark.epoch > epoch);
+        bench.tick();
+        let phases = [bench.phases()[1], bench.jaw.feedback.phase];
+        assert_eq!(phases, [AxisPhase::Disabling; 2], "{:?}", bench.report());
+    }
+}
+
 /// A configuration whose stop takes ten seconds: the power is cut after one.
 #[test]
 fn overlong_stop_ends_with_power_off() {
@@ -158,7 +186,6 @@ fn an_axis_that_loses_its_zero_stops_the_motion() {
     assert_eq!(bench.actuator(goal), Refusal::NotHomed);
 }
 
-/// Missed ticks are not made up for.
 #[test]
 fn missed_ticks_are_not_made_up_for() {
     let mut bench = Bench::moving();

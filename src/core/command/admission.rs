@@ -158,10 +158,8 @@ impl CommandAdmission {
     }
 
     pub(crate) fn sequence_measurement(&self, command: &ServoCommand) -> Option<Measurement> {
-        let last = self.sessions.last(command.client_id);
-        let last = last.map(|(last, _)| last as f64);
-        let number = command.sequence as f64;
-        Some(Measurement::new(Quantity::Sequence, number, last))
+        let last = self.sessions.last(command.client_id).map(|(last, _)| last as f64);
+        Some(Measurement::new(Quantity::Sequence, command.sequence as f64, last))
     }
 
     /// Checks 1 to 10. Returns the deadline of the command. Fails with the first check.

@@ -219,8 +219,7 @@ impl MovePlanning<'_> {
 
 /// How far the tip is from the place that a request asks for, with these angles, m.
 fn tip_away_m(request: &StateRequest, angles: &OutputVec) -> Option<f64> {
-    let place = place(&request.pose?)?;
-    Some(away_m(&place, angles))
+    Some(away_m(&place(&request.pose?)?, angles))
 }
 
 #[cfg(test)]

@@ -72,7 +72,6 @@ impl RefusalRecord {
         }
     }
 
-    /// All entries.
     pub(super) fn clients(&self) -> [ClientRefusals; REFUSED_CLIENTS] {
         self.entries.map(|entry| entry.refusals)
     }

@@ -56,8 +56,8 @@ impl ControlCycle {
         }
     }
 
-    pub(super) fn update_sources(&mut self, now: Nanos) {
-        let demands = self.machine.state().demands();
+    pub(super) fn update_sources(&mut self, summary: &DriveSummary) {
+        let (demands, now) = (self.machine.state().demands(summary), summary.now);
         self.axes.update_sources(&demands, now);
         if let Some(auxiliary) = &mut self.auxiliary {
             auxiliary.axis.update_source(demands[AUXILIARY], now);
@@ -89,7 +89,7 @@ impl ControlCycle {
                 events.push_measured(kind, self.request_measurement(refusal, summary));
             }
         }
-        let demand = self.machine.state().demands()[AUXILIARY];
+        let demand = self.machine.state().demands(summary)[AUXILIARY];
         let is_enabled = matches!(self.machine.state(), ControlState::Enabled(_));
         let can_move = is_enabled && summary.is_fresh() && summary.is_homed;
         let auxiliary = self.auxiliary.as_mut()?;
@@ -99,8 +99,7 @@ impl ControlCycle {
             let (client_id, age) = (followed.client_id, summary.now.duration_since(followed.stamp));
             self.stale_stops = self.stale_stops.saturating_add(1);
             let measurement = Measurement::from_age(age, followed.deadline);
-            let kind = CycleEventKind::StaleStop { client_id, age };
-            events.push_measured(kind, Some(measurement));
+            events.push_measured(CycleEventKind::StaleStop { client_id, age }, Some(measurement));
             if !auxiliary.axis.is_at_rest() {
                 let at = collect([auxiliary.axis.setpoint()].into_iter());
                 self.admission.sessions.stopped_moving(StreamOf::Jaw, client_id, &at, summary.now);

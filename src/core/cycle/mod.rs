@@ -48,7 +48,7 @@ use crate::core::states::automatic_transitions::{Shutdown, enter_fault};
 use crate::core::states::command_transitions::{CommandEffect, disable};
 use crate::core::states::control_state::{ControlState, HOLDING};
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
-use crate::drive::AxisRequest;
+use crate::drive::{AxisPhase, AxisRequest};
 use crate::model::Model;
 use crate::robot::{Fault, Measurement};
 use crate::units::Nanos;
@@ -170,7 +170,7 @@ impl ControlCycle {
         let outcome = state_request.map(|request| self.apply_command(request, &summary, events));
         let model_request = inputs.model.as_ref();
         let model_reply = model_request.map(|request| self.swap_model(request, now, events));
-        self.update_sources(now);
+        self.update_sources(&summary);
         self.admission.expire_lease(self.machine.state().is_occupied(), now, events);
         if let Some(command) = &inputs.servo {
             self.apply_servo_command(command, &summary, events);
@@ -186,7 +186,7 @@ impl ControlCycle {
         CycleOutputs {
             requests: passed.requests(
                 &self.axes,
-                &state.demands(),
+                &state.demands(&summary),
                 &AxisRequest {
                     sequence: self.ticks,
                     command_stamp: setpoint.command_stamp,
@@ -215,13 +215,14 @@ impl ControlCycle {
         events: &mut EventList,
     ) -> DriveSummary {
         let was_homed = self.axes.all(AxisControl::is_homed);
+        let was_homing = !self.axes.all(|axis| axis.feedback().phase != AxisPhase::Homing);
         self.axes.update_feedback(&inputs.feedback, now, events);
         self.update_auxiliary(&inputs.auxiliary, now, events);
         if was_homed && !self.axes.all(AxisControl::is_homed) {
             // Count changes while the zero gets lost are not motion.
             self.history.start_epoch();
         }
-        let is_model_finite = self.update_models(now).is_ok();
+        let is_model_finite = self.update_models(was_homing, now).is_ok();
         self.adapt(inputs.external.as_ref(), now, events);
         if let Some(frames) = self.other_cameras.update(inputs.ignored_frames, now) {
             events.push(CycleEventKind::OtherCamera { frames });
@@ -251,9 +252,9 @@ impl ControlCycle {
 
     /// Replays the new positions on all models. Without a feedback of every drive there is nothing
     /// to replay.
-    fn update_models(&mut self, now: Nanos) -> Result<(), NotFinite> {
-        // The zero moves: a jump of the counts is not motion.
-        if self.machine.state().is_homing() {
+    fn update_models(&mut self, was_homing: bool, now: Nanos) -> Result<(), NotFinite> {
+        // The zero moves, also of a homing that is stopped: a jump of the counts is not motion.
+        if was_homing || self.machine.state().is_homing() {
             self.history.start_epoch();
             self.plausibility.reset();
             if let Some(adaptation) = &mut self.adaptation {
@@ -304,8 +305,7 @@ impl ControlCycle {
                 *calibrated = pose;
             }
         }
-        let estimates = [report.measured, calibrated];
-        self.plausibility.record_estimates(now, estimates);
+        self.plausibility.record_estimates(now, [report.measured, calibrated]);
         let outputs = joints.outputs();
         let is_implausible = self.plausibility.is_implausible(measured, outputs, is_checked, now);
         self.plausibility_check = self.plausibility.check(now);
@@ -326,8 +326,7 @@ impl ControlCycle {
             let client_id = followed.client_id;
             let measurement = Measurement::from_age(age, followed.deadline);
             self.stale_stops = self.stale_stops.saturating_add(1);
-            let kind = CycleEventKind::StaleStop { client_id, age };
-            events.push_measured(kind, Some(measurement));
+            events.push_measured(CycleEventKind::StaleStop { client_id, age }, Some(measurement));
             if !self.axes.all(AxisControl::is_at_rest) {
                 let at = self.axes.setpoints();
                 self.admission.sessions.stopped_moving(StreamOf::Joints, client_id, &at, now);

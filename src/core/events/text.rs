@@ -88,10 +88,7 @@ impl fmt::Display for CycleEventKind {
             }),
             Self::Axis { motor, from, to, error_code } => {
                 write!(f, "motor {motor}: {from:?} -> {to:?}")?;
-                match error_code {
-                    0 => Ok(()),
-                    code => write!(f, ", error 0x{code:04X}"),
-                }
+                if *error_code == 0 { Ok(()) } else { write!(f, ", error 0x{error_code:04X}") }
             }
         }
     }

@@ -26,9 +26,9 @@
 //!   about where it is, only softer.
 //! - **A drive that does not answer** has held its last target since its last answer, because its
 //!   serial line is not known to have a watchdog. It gets a quick stop in case it still receives.
-//! - Without power (enabling, homing) it stays off. A drive that does not reach its quick stop
-//!   within 3 s is switched off. `disable` and `acknowledge` switch all drives off: after a fault
-//!   no drive gets a demand to move.
+//! - Without power (enabling) it stays off. A quick stop ends a homing, and switches its drive off.
+//!   A drive that does not reach its quick stop within 3 s is switched off. `disable` and
+//!   `acknowledge` switch all drives off: after a fault no drive gets a demand to move.
 //!
 //! Milder than FAULT: with a position older than `feedback_stale_ms`, or an axis that has lost its
 //! zero, the robot slows down and holds. Servo commands are refused. The robot moves again with the

@@ -218,9 +218,8 @@ pub(super) fn acknowledge(
     if !can_clear(summary) {
         return Err(Refusal::CausePersists);
     }
-    let mut drives = summary.drives();
     let since = summary.now;
-    if drives.any(|drive| drive.phase == AxisPhase::Faulted) {
+    if summary.drives().any(|drive| drive.phase == AxisPhase::Faulted) {
         let (cause, stage) = (fault.cause, FaultStage::Resetting { since });
         Ok(ControlState::Fault(FaultState { cause, stage }))
     } else {

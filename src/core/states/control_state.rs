@@ -92,10 +92,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::core::command::client_stream::FollowedCommand;
-use crate::core::drive_status::ExpectedPower;
+use crate::core::drive_status::{DriveSummary, ExpectedPower};
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::joint_trajectory::JointTrajectory;
-use crate::drive::Demand;
+use crate::drive::{AxisPhase, Demand};
 use crate::robot::{Fault, OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_AXES, Nanos};
 
@@ -200,9 +200,11 @@ impl ControlState {
         }
     }
 
-    pub(crate) fn demands(&self) -> [Demand; MAX_AXES] {
+    /// A drive is homed under the demand to be off, so only a quick stop ends a homing that is
+    /// not, or no longer, requested.
+    pub(crate) fn demands(&self, summary: &DriveSummary) -> [Demand; MAX_AXES] {
         use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
-        match self {
+        let mut demands = match self {
             Self::Disabled(Idle | Homing { .. } | PoweringOff { .. }) => ALL_OFF,
             Self::Disabled(Enabling { .. } | Stopping { .. } | Settling { .. })
             | Self::Enabled(_)
@@ -211,7 +213,13 @@ impl ControlState {
                 FaultStage::Latched { demands, .. } => demands,
                 FaultStage::Resetting { .. } => ALL_OFF,
             },
+        };
+        for (demand, drive) in demands.iter_mut().zip(&summary.axes) {
+            if !self.is_homing() && drive.is_some_and(|it| it.phase == AxisPhase::Homing) {
+                *demand = Demand::QuickStop;
+            }
         }
+        demands
     }
 
     /// A change of state, a conditioning cycle or a trajectory is in progress.

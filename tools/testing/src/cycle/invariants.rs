@@ -77,17 +77,6 @@ impl InvariantCheck {
             }
         }
         assert_eq!(self.state, report.state);
-        let idle = report.state == OperatingState::Disabled && !report.busy;
-        for request in &outputs.requests[..self.limits.len()] {
-            match report.state {
-                OperatingState::Disabled if idle => assert_eq!(request.demand, Demand::Disabled),
-                OperatingState::Disabled => assert_ne!(request.demand, Demand::QuickStop),
-                OperatingState::Enabled | OperatingState::Paused => {
-                    assert_eq!(request.demand, Demand::Enabled)
-                }
-                OperatingState::Fault => assert_ne!(request.demand, Demand::Enabled),
-            }
-        }
         assert!(report.state != OperatingState::Fault || report.fault != Fault::None);
         assert!(!outputs.finished || report.state != OperatingState::Enabled);
     }
@@ -120,9 +109,18 @@ impl InvariantCheck {
 
     fn check_axis(&mut self, motor: usize, inputs: &CycleInputs, outputs: &CycleOutputs) {
         let (request, axis) = (&outputs.requests[motor], &mut self.axes[motor]);
-        let phase = inputs.feedback[motor].phase;
+        let (phase, demand) = (inputs.feedback[motor].phase, request.demand);
         assert_eq!(request.target, outputs.report.setpoints[motor]);
-        let firm = request.demand == Demand::Enabled && phase == AxisPhase::Enabled;
+        use OperatingState as S;
+        match outputs.report.state {
+            S::Disabled if phase == AxisPhase::Homing => assert_ne!(demand, Demand::Enabled),
+            _ if phase == AxisPhase::Homing => assert_eq!(demand, Demand::QuickStop),
+            S::Disabled if !outputs.report.busy => assert_eq!(demand, Demand::Disabled),
+            S::Disabled => assert_ne!(demand, Demand::QuickStop),
+            S::Enabled | S::Paused => assert_eq!(demand, Demand::Enabled),
+            S::Fault => assert_ne!(demand, Demand::Enabled),
+        }
+        let firm = demand == Demand::Enabled && phase == AxisPhase::Enabled;
         if !firm {
             let position = inputs.feedback[motor].position;
             assert_eq!(request.target, position, "a drive that does not follow has no setpoint");

@@ -153,20 +153,21 @@ impl SimulatedDrive {
 
     fn apply_request(&mut self, now: Nanos, request: &AxisRequest) {
         self.follow_request(now, request);
-        // As a port does: an old reset must not be carried out at a later fault.
+        // As a port does: an old request must not be carried out much later.
         let phase = self.feedback.phase;
         if !matches!(phase, AxisPhase::Faulted | AxisPhase::Starting | AxisPhase::Lost) {
             self.feedback.fault_resets = request.fault_resets;
+        }
+        if !matches!(phase, AxisPhase::Homing | AxisPhase::Starting | AxisPhase::Lost) {
+            self.feedback.homings = request.homings;
         }
     }
 
     fn follow_request(&mut self, now: Nanos, request: &AxisRequest) {
         use AxisPhase as P;
-        let fresh_reset = request.fault_resets != self.feedback.fault_resets;
-        let fresh_homing = request.homings != self.feedback.homings;
         match (self.feedback.phase, request.demand) {
             (P::Starting | P::Lost, _) => {}
-            (P::Faulted, _) if fresh_reset => {
+            (P::Faulted, _) if request.fault_resets != self.feedback.fault_resets => {
                 self.feedback.fault_resets = request.fault_resets;
                 if self.quirk != Quirk::Broken {
                     self.feedback.phase = P::Disabled;
@@ -174,20 +175,20 @@ impl SimulatedDrive {
                 }
             }
             (P::Faulted, _) => {}
-            (P::Disabled, Demand::Disabled) if fresh_homing => self.begin(P::Homing),
-            (P::Homing, Demand::Disabled) => self.after_delay(|drive| {
-                drive.feedback.homings = request.homings;
-                drive.feedback.homed = drive.quirk != Quirk::Homeless;
-                drive.feedback.position = Counts(0);
-                drive.feedback.phase = P::Disabled;
-            }),
-            (P::Disabled, Demand::Disabled | Demand::QuickStop) => {}
             (P::Disabled, Demand::Enabled) => {
                 if self.quirk != Quirk::SilentPreload {
                     self.write(now, self.feedback.position, request);
                 }
                 self.begin(P::Enabling);
             }
+            (P::Disabled, _) if request.homings != self.feedback.homings => self.begin(P::Homing),
+            (P::Disabled, _) => {}
+            (P::Homing, Demand::QuickStop) => self.begin(P::Disabling),
+            (P::Homing, _) => self.after_delay(|drive| {
+                drive.feedback.homed = drive.quirk != Quirk::Homeless;
+                drive.feedback.position = Counts(0);
+                drive.feedback.phase = P::Disabled;
+            }),
             (P::Enabling, Demand::Enabled) => {
                 self.after_delay(|drive| drive.feedback.phase = P::Enabled)
             }
@@ -199,7 +200,7 @@ impl SimulatedDrive {
             (P::Enabled, Demand::QuickStop) => self.feedback.phase = P::QuickStopped,
             (P::QuickStopped, Demand::QuickStop | Demand::Enabled) => {}
             (P::Disabling, _) => self.after_delay(|drive| drive.feedback.phase = P::Disabled),
-            (P::Enabling | P::Enabled | P::QuickStopped | P::Homing, _) => self.begin(P::Disabling),
+            (P::Enabling | P::Enabled | P::QuickStopped, _) => self.begin(P::Disabling),
         }
     }
 
