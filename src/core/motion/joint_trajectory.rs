@@ -73,7 +73,7 @@ impl JointTrajectory {
             Some(before) if now < self.line.started => before,
             _ => self.line.shortened(now),
         };
-        let line = Line::new(before.to, to, limits, before.ends());
+        let line = Line::new(before.to, to, limits, before.ends().max(now));
         Self { before: Some(before), line, ..*self }
     }
 
@@ -253,9 +253,9 @@ mod tests {
         let limits = TrajectoryLimits { velocity: 10.0, acceleration: 100.0, jerk: 2000.0 };
         let ms = |ms: u64| Nanos::from_millis(1000 + ms);
         let mut trajectory = JointTrajectory::new(7, [0.0; 3], [2.0, 1.0, 0.0], &limits, ms(0));
-        let ends = [[-1.0, 2.0, 0.0], [0.5, 0.5, 0.0], [3.0, -1.0, 0.0], [0.0; 3]];
-        // Before the first line rests, then in the middle of the one that follows.
-        for (at, end) in [100, 120, 400, 430].into_iter().zip(ends) {
+        let ends = [[-1.0, 2.0, 0.0], [0.5, 0.5, 0.0], [3.0, -1.0, 0.0], [1.0; 3], [0.0; 3]];
+        // Before the first line rests, in the middle of the one that follows, and after its end.
+        for (at, end) in [100, 120, 400, 430, 5000].into_iter().zip(ends) {
             let redirected_to = trajectory.redirected_to(end, &limits, ms(at));
             for after in 0..3 {
                 let apart = distance(
