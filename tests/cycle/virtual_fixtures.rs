@@ -68,8 +68,18 @@ fn a_fixture_that_is_added_during_a_trajectory_stops_it() {
     let mut bench = Bench::with("");
     assert_eq!(bench.go(9.0, 0.0), Refusal::None);
     bench.run(100);
+    // Left of the trajectory, and on the opposite side of its start.
+    for centre in [rad(5.0, 6.0), rad(-6.0, 0.0)] {
+        let ball = add_ball(centre, 3.0_f64.to_radians());
+        assert_eq!(bench.change_fixtures(CLIENT, ball), Refusal::None);
+        assert_eq!((bench.report().busy, bench.report().broken_off), (true, None));
+    }
     let ball = add_ball(rad(9.0, 0.0), 3.0_f64.to_radians());
-    assert_eq!(bench.change_fixtures(CLIENT, ball), Refusal::None);
-    bench.idle();
-    assert!(bench.pose_deg()[0] < 6.0, "{}", bench.pose_deg()[0]);
+    assert_eq!(bench.change_fixtures(CLIENT + 1, ball), Refusal::None);
+    let report = bench.report();
+    assert_eq!((report.holding, report.broken_off), (true, Some(Stop::Fixture)));
+    bench.run(100);
+    let held = bench.targets();
+    bench.run(2000);
+    assert!(bench.targets() == held && bench.pose_deg()[0] < 6.0, "{}", bench.pose_deg()[0]);
 }

@@ -280,8 +280,7 @@ impl Adaptation {
         if is_learning || !is_accepted {
             self.state.score.count(is_accepted);
         }
-        let changed = self.state.conditions.add_frame(is_accepted, seconds);
-        if let Some(is_accepted) = changed {
+        if let Some(is_accepted) = self.state.conditions.add_frame(is_accepted, seconds) {
             let [accepted, rejected] =
                 [AdaptationEvent::CameraAccepted, AdaptationEvent::CameraRejected];
             events.push(CycleEventKind::Adaptation(if is_accepted { accepted } else { rejected }));
@@ -345,8 +344,7 @@ impl Adaptation {
             let goal = MovedGoal { pose, motion };
             self.state.correction.advance(&inside, &goal, &reach, geometry, &self.settings);
         }
-        let correction = self.state.correction.correction(geometry);
-        joints.set_correction(correction);
+        joints.set_correction(self.state.correction.correction(geometry));
     }
 
     fn drift(&self, geometry: &ModelGeometry) -> Drift {

@@ -19,8 +19,7 @@ use crate::units::{AUXILIARY, MAX_AXES, Nanos};
 
 impl ControlCycle {
     pub(super) fn all_axes(&self, condition: impl Fn(&AxisControl) -> bool) -> bool {
-        let auxiliary = self.auxiliary.as_ref();
-        self.axes.all(&condition) && auxiliary.is_none_or(|it| condition(&it.axis))
+        self.axes.all(&condition) && self.auxiliary.as_ref().is_none_or(|it| condition(&it.axis))
     }
 
     pub(super) fn for_each_axis(&mut self, mut action: impl FnMut(&mut AxisControl)) {

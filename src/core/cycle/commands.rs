@@ -132,8 +132,7 @@ impl ControlCycle {
                 return Ok(());
             }
         };
-        let cause = TransitionCause::Command(request.command);
-        self.machine.change((next, cause), summary.now, events);
+        self.machine.change((next, TransitionCause::Command(request.command)), summary.now, events);
         Ok(())
     }
 
@@ -167,10 +166,18 @@ impl ControlCycle {
             FixtureChange::SwitchOn | FixtureChange::Add(_) => {}
         }
         self.fixtures.change(change)?;
-        // The cycle was planned without fixtures and crosses the whole hull.
-        if self.machine.state().is_conditioning() && self.fixtures.is_on() {
-            let cause = TransitionCause::BrokenOff(Stop::Fixture);
-            self.machine.change((HOLDING, cause), now, events);
+        // A cycle was planned without fixtures and crosses the whole hull.
+        let state = self.machine.state();
+        let is_blocked = match state.trajectory().zip(self.models.active()) {
+            Some((trajectory, joints)) => {
+                let ([here, turn, end], space) = (trajectory.way_left(now), joints.goal_space());
+                let allows = |from, to| self.fixtures.allows_line(from, to, &space);
+                !allows(&here, &turn) || !allows(&turn, &end)
+            }
+            None => state.is_conditioning() && self.fixtures.is_on(),
+        };
+        if is_blocked {
+            self.machine.change((HOLDING, TransitionCause::BrokenOff(Stop::Fixture)), now, events);
         }
         events.push(CycleEventKind::Fixtures {
             client_id: request.client_id,

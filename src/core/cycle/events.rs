@@ -111,8 +111,7 @@ impl ControlCycle {
             Refusal::Sequence => self.admission.sequence_measurement(command),
             Refusal::StepTooLarge => {
                 let deadline = self.admission.deadline(command);
-                let unchecked = self.unchecked(command, deadline, summary.now);
-                self.range_check.step_measurement(&unchecked)
+                self.range_check.step_measurement(&self.unchecked(command, deadline, summary.now))
             }
             Refusal::Range => match command.goal {
                 ServoGoal::Actuator(counts, _) => {
@@ -170,12 +169,10 @@ fn drive_measurement(
             Some(Measurement::nothing())
         }
         Fault::Drive if feedback.phase == AxisPhase::Faulted => {
-            let code = f64::from(feedback.error_code);
-            Some(Measurement::new(Quantity::ErrorCode, code, None))
+            Some(Measurement::new(Quantity::ErrorCode, f64::from(feedback.error_code), None))
         }
         Fault::DriveState if feedback.phase != AxisPhase::Enabled => {
-            let statusword = f64::from(feedback.statusword);
-            Some(Measurement::new(Quantity::Statusword, statusword, None))
+            Some(Measurement::new(Quantity::Statusword, f64::from(feedback.statusword), None))
         }
         Fault::Link => link_measurement(axis, summary),
         Fault::FollowingError => axis.following_error_measurement(),

@@ -112,8 +112,7 @@ impl AxisControl {
     }
 
     pub(crate) fn following_error_measurement(&self) -> Option<Measurement> {
-        let since = self.source.following_since()?;
-        self.following_error.measurement(&self.feedback, since)
+        self.following_error.measurement(&self.feedback, self.source.following_since()?)
     }
 
     pub(crate) fn over_current_measurement(&self) -> Option<Measurement> {

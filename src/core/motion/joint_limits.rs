@@ -60,8 +60,7 @@ impl JointBounds {
     }
 
     pub(crate) fn clamp(&self, pose: &OutputVec) -> OutputVec {
-        let lowest = zip_map(pose, &self.lowest, f64::max);
-        zip_map(&lowest, &self.highest, f64::min)
+        zip_map(&zip_map(pose, &self.lowest, f64::max), &self.highest, f64::min)
     }
 
     /// How far a pose is beyond its position limits, rad; not below 0.

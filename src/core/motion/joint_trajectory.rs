@@ -87,6 +87,12 @@ impl JointTrajectory {
         before.unwrap_or(self.line).position_at(now)
     }
 
+    /// The corners of the way that is left, rad.
+    pub(crate) fn way_left(&self, now: Nanos) -> [OutputVec; 3] {
+        let here = self.position_at(now);
+        [here, if now < self.line.started { self.line.from } else { here }, self.line.to]
+    }
+
     /// Start of the line to the end, rad.
     pub(crate) fn start(&self) -> &OutputVec {
         &self.line.from

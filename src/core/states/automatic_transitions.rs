@@ -55,10 +55,8 @@ fn update_disabled(activity: &DisabledActivity, summary: &DriveSummary) -> Optio
     let now = summary.now;
     let has_passed = |since: Nanos, span: Nanos| now.duration_since(since) >= span;
     let step = |next| Some((ControlState::Disabled(next), TransitionCause::Progress(None)));
-    let timeout = || {
-        let state = ControlState::Disabled(*activity);
-        Some(enter_fault(&state, Fault::DriveTimeout, summary))
-    };
+    let timeout =
+        || Some(enter_fault(&ControlState::Disabled(*activity), Fault::DriveTimeout, summary));
     match *activity {
         // A drive was left on, or was changing its phase when the demand changed.
         Idle if !summary.is_off() => step(DisabledActivity::powering_off(now)),
@@ -101,8 +99,7 @@ pub(super) fn require_homing(state: &ControlState, summary: &DriveSummary) -> Re
 fn update_homing(state: &ControlState, since: Nanos, summary: &DriveSummary) -> Option<Transition> {
     let fault = |fault| Some(enter_fault(state, fault, summary));
     if summary.is_homing_done && summary.is_homed {
-        let idle = ControlState::Disabled(DisabledActivity::Idle);
-        Some((idle, TransitionCause::Progress(None)))
+        Some((ControlState::Disabled(DisabledActivity::Idle), TransitionCause::Progress(None)))
     } else if summary.is_homing_done {
         fault(Fault::Homing)
     } else if summary.now.duration_since(since) >= HOMING_TIMEOUT {
@@ -172,8 +169,7 @@ pub(crate) fn enter_fault(
         since: summary.now,
         demands: fault_demands(summary, state.expected_power()),
     };
-    let state = FaultState { cause: fault, stage };
-    (ControlState::Fault(state), TransitionCause::Fault(fault))
+    (ControlState::Fault(FaultState { cause: fault, stage }), TransitionCause::Fault(fault))
 }
 
 /// Updates the demands of a latched fault. A drive that is off stays off. A drive that does not
@@ -235,8 +231,7 @@ fn update_reset(cause: Fault, since: Nanos, summary: &DriveSummary) -> Option<Tr
         Some((off, TransitionCause::Progress(Some(StateCommand::Acknowledge))))
     } else if now.duration_since(since) >= RESET_TIMEOUT {
         let stage = FaultStage::Latched { since: now, demands: ALL_OFF };
-        let latched = ControlState::Fault(FaultState { cause, stage });
-        Some((latched, TransitionCause::Fault(cause)))
+        Some((ControlState::Fault(FaultState { cause, stage }), TransitionCause::Fault(cause)))
     } else {
         None
     }

@@ -94,8 +94,7 @@ pub(crate) fn disable(state: &ControlState, summary: &DriveSummary) -> CommandEf
             Some(_) | None => CommandEffect::NoChange,
         },
         ControlState::Enabled(_) | ControlState::Paused => {
-            let stopping = Stopping { since, then_enable: false };
-            CommandEffect::Change(ControlState::Disabled(stopping))
+            CommandEffect::Change(ControlState::Disabled(Stopping { since, then_enable: false }))
         }
         ControlState::Fault(fault) => match fault.stage {
             FaultStage::Latched { demands, .. } if demands != ALL_OFF => {

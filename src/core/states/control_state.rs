@@ -71,10 +71,10 @@
 //!    setpoint moves, OutOfReach for a pose outside the hull, the position limits or the joint
 //!    limits, Fixture, Range. A second move of the same client replaces the first, which comes to
 //!    rest before. Otherwise as (6): servo commands are refused with Busy during the move, and the
-//!    same events end it. A timeout is not needed: the trajectory ends at rest after a time known
-//!    at its start, at most `MAX_MOVE_TIME` (Range for a longer one),
-//!    and a client that dies after its request has nothing left to confirm. `hold`, `pause` and
-//!    `disable` of any client end it.
+//!    same events end it, new fixtures if they are in its way. A timeout is not needed: the
+//!    trajectory ends at rest after a time known at its start, at most `MAX_MOVE_TIME` (Range for
+//!    a longer one), and a client that dies after its request has nothing left to confirm. `hold`,
+//!    `pause` and `disable` of any client end it.
 //! 8. By the request `virtual_fixture`. Malformed without a change. Switching on and adding is
 //!    allowed at any time: it makes motion less. Switching off and removing: Busy while a goal in
 //!    joint space is followed. Range when there is no place for one more. While fixtures count,
@@ -304,8 +304,7 @@ impl ControlState {
 
     /// A goal in joint space is followed.
     pub(crate) fn is_following_joints(&self) -> bool {
-        let followed = self.followed_command();
-        self.is_moving() || followed.is_some_and(|command| command.goal.is_joint())
+        self.is_moving() || self.followed_command().is_some_and(|command| command.goal.is_joint())
     }
 
     /// Allows what starts from DISABLED with no activity.

@@ -114,8 +114,7 @@ impl StateMachine {
         if fault != Fault::None {
             self.fault = fault;
         }
-        let is_command = matches!(cause, TransitionCause::Command(_));
-        if from != to || is_command || fault != Fault::None {
+        if from != to || matches!(cause, TransitionCause::Command(_)) || fault != Fault::None {
             events.push(CycleEventKind::State { from, to, command, fault });
         }
         let (before, after) = (self.state.activity(), next.activity());

@@ -163,7 +163,6 @@ mod tests {
         let cursor = history.cursor;
         history.start_epoch();
         assert_eq!(rest(&history, cursor), None);
-        let future = HistoryCursor { epoch: 1, recorded: u64::MAX };
-        assert_eq!(rest(&history, future), None);
+        assert_eq!(rest(&history, HistoryCursor { epoch: 1, recorded: u64::MAX }), None);
     }
 }

@@ -127,8 +127,7 @@ impl VirtualFixtures {
                 self.is_on = true;
             }
             FixtureChange::RemoveAdded => {
-                let added = self.regions.iter_mut().skip(usize::from(self.configured));
-                for region in added {
+                for region in self.regions.iter_mut().skip(usize::from(self.configured)) {
                     *region = None;
                 }
             }

@@ -91,8 +91,7 @@ fn requests_keep_the_configured_regions() {
     for _ in 2..MAX_REGIONS {
         fixtures.change(&FixtureChange::Add(added)).unwrap();
     }
-    let full = fixtures.change(&FixtureChange::Add(added));
-    assert_eq!(full, Err(Refusal::Range));
+    assert_eq!(fixtures.change(&FixtureChange::Add(added)), Err(Refusal::Range));
     fixtures.change(&FixtureChange::RemoveAdded).unwrap();
     assert_eq!(fixtures.active_bits(), 0b1);
 }
@@ -158,7 +157,6 @@ proptest! {
         let mut fixtures = fixtures(&[shape]);
         let start = degrees(0.0, 0.0);
         let goal = GoalStep { now: [f64::NAN, 0.1, 0.0], before: start };
-        let next = fixtures.limit(goal, start, &SPACE).now;
-        prop_assert_eq!(next, start);
+        prop_assert_eq!(fixtures.limit(goal, start, &SPACE).now, start);
     }
 }
