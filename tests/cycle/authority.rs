@@ -116,8 +116,7 @@ fn hold(bench: &mut Bench, client: u64) -> Refusal {
 fn printed() -> Vec<Vec<&'static str>> {
     let text = include_str!("../../src/core/command/authority.rs");
     let lines = text.lines().filter_map(|line| line.strip_prefix("//! | ")?.strip_suffix(" |"));
-    let rows = lines.map(|line| line.split(" | ").collect::<Vec<_>>());
-    rows.skip(1).collect()
+    lines.map(|line| line.split(" | ").collect::<Vec<_>>()).skip(1).collect()
 }
 
 /// A situation, its column in the table, and a client that may do everything the state allows.

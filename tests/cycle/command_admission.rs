@@ -77,8 +77,7 @@ fn sequences_rise_per_client_even_after_the_lease_is_gone() {
     assert_eq!(refusal(&mut bench, |c| c.sequence = 500), Refusal::Sequence, "a replay");
     assert_eq!(refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)), Refusal::None);
     assert_eq!(refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)), Refusal::Sequence);
-    let reply = bench.ask_as(8, StateCommand::Release);
-    assert_eq!(reply.refusal, Refusal::None);
+    assert_eq!(bench.ask_as(8, StateCommand::Release).refusal, Refusal::None);
     // A command that the network held back while another client commanded.
     assert_eq!(refusal(&mut bench, |c| c.sequence = 499), Refusal::Sequence);
     assert_eq!(refusal(&mut bench, |c| c.sequence = 501), Refusal::None);
@@ -88,8 +87,7 @@ fn sequences_rise_per_client_even_after_the_lease_is_gone() {
 fn a_refused_command_uses_up_no_sequence_number() {
     let mut bench = Bench::enabled();
     let far = ServoGoal::Joint(rad(20.0, 0.0), 2);
-    let refused = refusal(&mut bench, |c| (c.sequence, c.goal) = (900, far));
-    assert_eq!(refused, Refusal::StepTooLarge);
+    assert_eq!(refusal(&mut bench, |c| (c.sequence, c.goal) = (900, far)), Refusal::StepTooLarge);
     assert_eq!(refusal(&mut bench, |c| c.sequence = 900), Refusal::None);
 }
 

@@ -61,8 +61,7 @@ fn motion_needs_zero_fresh_positions_and_lease() {
         for command in [Condition, Move] {
             let mut bench = Bench::enabled();
             if is_leased {
-                let here = bench.targets().map(Counts);
-                let mut other = bench.servo(ServoGoal::Actuator(here, 2));
+                let mut other = bench.servo(ServoGoal::Actuator(bench.targets().map(Counts), 2));
                 other.client_id = OTHER;
                 assert_eq!(bench.send(other), Refusal::None);
             }
@@ -114,8 +113,7 @@ fn only_lease_holder_can_release_in_any_state() {
         let mut bench = build();
         let holder = bench.report().lease_client_id;
         let reply = bench.ask_as(OTHER, StateCommand::Release).refusal;
-        let expected = first(&[(holder == CLIENT, Refusal::Lease)]);
-        assert_eq!(reply, expected, "{name}");
+        assert_eq!(reply, first(&[(holder == CLIENT, Refusal::Lease)]), "{name}");
         assert_eq!(bench.ask(StateCommand::Release), Refusal::None, "{name}");
         assert_eq!(bench.report().lease_client_id, 0, "{name}");
     }

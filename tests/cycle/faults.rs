@@ -132,15 +132,13 @@ fn motor_that_does_not_follow_faults_and_loses_power() {
 /// On a slow line the newest setpoint is far ahead of the one written, which the motor follows.
 #[test]
 fn queued_setpoint_does_not_count_as_following_error() {
-    let config = config("[limits]\nfollowing_error_counts = 10");
-    let mut bench = Bench::enabled_with(config, None);
+    let mut bench = Bench::enabled_with(config("[limits]\nfollowing_error_counts = 10"), None);
     bench.drives[0].slot = 20;
     assert_eq!(bench.actuator([250, 250]), Refusal::None);
     let mut ahead = 0;
     for _ in 0..20 {
         bench.run(9);
-        let goal = bench.targets()[0].max(200) + 40;
-        assert_eq!(bench.actuator([goal, 250]), Refusal::None);
+        assert_eq!(bench.actuator([bench.targets()[0].max(200) + 40, 250]), Refusal::None);
         ahead = ahead.max(bench.targets()[0] - bench.drives[0].feedback.position.0);
     }
     assert!(ahead > 20, "{ahead}");

@@ -32,8 +32,7 @@ pub fn apart([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
 
 /// Far from where the snake goes, and counts.
 fn put_wall(bench: &mut Bench) {
-    let wall = add_wall([0.0, 1.0, 0.0], 0.15);
-    assert_eq!(bench.change_fixtures(CLIENT, wall), Refusal::None);
+    assert_eq!(bench.change_fixtures(CLIENT, add_wall([0.0, 1.0, 0.0], 0.15)), Refusal::None);
 }
 
 /// At 8 deg by angles, with a memory that is known.
@@ -79,8 +78,7 @@ fn swap_at_zero_rate_moves_snake_only_by_blend() {
                 assert!(gone < 1.1 * blend + 0.2, "{what}");
                 assert!(apart(before, bench.pose_deg()) < 0.9, "{what}, from {before:?}");
                 // And back.
-                let back = bench.change_model(ModelChange::Rollback, false);
-                assert_eq!(back, Refusal::None);
+                assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::None);
                 let gone = way(&mut bench, zero, 1500);
                 assert!(gone < 1.5 * blend + 0.5, "rollback: {what}, then {gone}");
             }
@@ -92,8 +90,7 @@ fn swap_at_zero_rate_moves_snake_only_by_blend() {
 #[test]
 fn zero_rate_moves_nothing_with_any_compensation() {
     for factor in [0.0, 0.5, 1.0] {
-        let tables = format!("[compensation]\nfactor = {factor:?}");
-        let mut bench = at_eight(strict_config(&tables));
+        let mut bench = at_eight(strict_config(&format!("[compensation]\nfactor = {factor:?}")));
         way(&mut bench, STILL, 50);
         let gone = way(&mut bench, STILL, 2000);
         assert!(gone < 0.1, "{factor}: {gone} deg");

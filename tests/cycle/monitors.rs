@@ -6,8 +6,7 @@ use super::*;
 
 #[test]
 fn h10_many_late_ticks_raise_fault_but_single_ones_do_not() {
-    let limits = config("[limits]\noverrun_ticks = 40");
-    let mut bench = Bench::enabled_with(limits, None);
+    let mut bench = Bench::enabled_with(config("[limits]\noverrun_ticks = 40"), None);
     for _ in 0..100 {
         bench.missed = 30;
         bench.tick();
@@ -65,8 +64,7 @@ fn with_camera(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
 #[test]
 fn h12_implausible_pose_raises_fault_and_drives_hold() {
     let bench = with_camera(120, 3.0, 3000);
-    let fault = (bench.state(), bench.report().fault);
-    assert_eq!(fault, (OperatingState::Fault, Fault::Implausible));
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Implausible));
     assert_eq!(bench.demands(), [Demand::QuickStop; 2]);
 }
 
@@ -75,8 +73,7 @@ fn h12_late_but_agreeing_camera_raises_no_fault() {
     // 8 deg/s and 120 ms: the difference to the newest estimate would be one degree, half the
     // limit.
     for (latency_ms, slack_deg, ticks) in [(120, 1.0, 6000), (400, 0.0, 4000)] {
-        let bench = with_camera(latency_ms, slack_deg, ticks);
-        assert_eq!(bench.state(), OperatingState::Enabled);
+        assert_eq!(with_camera(latency_ms, slack_deg, ticks).state(), OperatingState::Enabled);
     }
 }
 

@@ -137,7 +137,15 @@ fn motion_scale_applies_relative_to_stream_start() {
     assert!(bench.pose_deg()[0].abs() < 1e-9, "a stream begins where the snake is");
     move_master(&mut bench, 20.0, 28.0, 100);
     move_master(&mut bench, 28.0, 28.0, 20);
-    assert!((bench.pose_deg()[0] - 2.0).abs() < near(0.01), "{}", bench.pose_deg()[0]);
+    let first = bench.pose_deg()[0];
+    assert!((first - 2.0).abs() < near(0.01), "{first}");
+    // The next stream of the same client begins there, wherever its master is by then.
+    bench.run(100);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
+    move_master(&mut bench, -5.0, -5.0, 5);
+    move_master(&mut bench, -5.0, -1.0, 100);
+    move_master(&mut bench, -1.0, -1.0, 20);
+    assert!((bench.pose_deg()[0] - first - 1.0).abs() < 0.2, "{}", bench.pose_deg()[0]);
 }
 
 #[test]

@@ -70,8 +70,7 @@ fn gru_session_is_replayed_bit_for_bit() {
     let mut bench = Bench::new(config(""), Some(models[0].clone()));
     bench.recording = Some(Recording::default());
     swap_while_moving(&mut bench, &models, 60);
-    let content = through_file(&bench.black_box(&models[0]));
-    let replayed = replay(&content).unwrap();
+    let replayed = replay(&through_file(&bench.black_box(&models[0]))).unwrap();
     assert_eq!(replayed.difference, None);
     assert!(replayed.swaps > 50 && replayed.ticks > 800, "{replayed:?}");
 }

@@ -40,8 +40,7 @@ fn a_fault_reports_what_was_measured_and_of_which_motor() {
     let current = Measurement::new(Quantity::Milliamperes, 240.0, Some(200.0));
     assert_eq!(fault(&mut bench, Fault::Current), current.of_motor(1));
 
-    let limits = "[limits]\noverrun_ticks = 10";
-    let mut bench = Bench::enabled_with(config(limits), None);
+    let mut bench = Bench::enabled_with(config("[limits]\noverrun_ticks = 10"), None);
     bench.missed = 3;
     let late = fault(&mut bench, Fault::Late);
     assert_eq!(late.quantity, Quantity::LateTicks);
@@ -76,8 +75,7 @@ fn a_refusal_reports_what_was_measured() {
     assert_eq!(bench.actuator([0, beyond]), Refusal::Range);
     let position =
         Measurement::new(Quantity::Counts, f64::from(beyond), Some(f64::from(beyond - 7)));
-    let range = measurement(&bench, Cause::Refusal(Refusal::Range));
-    assert_eq!(range, Some(position.of_motor(1)));
+    assert_eq!(measurement(&bench, Cause::Refusal(Refusal::Range)), Some(position.of_motor(1)));
 
     let mut stale = bench.servo(ServoGoal::Joint(rad(0.0, 0.0), 2));
     stale.stamp = bench.now - Nanos::from_millis(80);

@@ -29,8 +29,7 @@ fn counts_without_limits_equal_inverse_in_same_tick() {
 
 #[test]
 fn rehearsal_with_limits_equals_loop_in_every_tick() {
-    let model = standard_model();
-    let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
+    let mut rehearsal = rehearsal(&config(""), &standard_model(), &[[0.0, 0.0]]);
     let mut bench = Bench::enabled();
     for k in 0..400 {
         let angle = f64::from(k) * 0.015;

@@ -93,8 +93,7 @@ fn run_adapting_session(bench: &mut Bench, second: &Arc<Model>) {
     follow(bench, 0.0);
     assert_eq!(bench.swap(second), Refusal::None);
     follow(bench, 0.3);
-    let rolled_back = bench.change_model(ModelChange::Rollback, false);
-    assert_eq!(rolled_back, Refusal::None);
+    assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::None);
     follow(bench, 0.6);
     bench.drives[1].feedback.phase = AxisPhase::Faulted;
     bench.run(50);
@@ -106,8 +105,7 @@ fn run_adapting_session(bench: &mut Bench, second: &Arc<Model>) {
 #[test]
 fn adaptation_is_replayed_through_swap_rollback_and_fault() {
     let (first, second) = (standard_model(), scaled_standard_model(1.1));
-    let on = config("[adaptation]\nenabled = true");
-    let mut bench = Bench::new(on, Some(Arc::clone(&first)));
+    let mut bench = Bench::new(config("[adaptation]\nenabled = true"), Some(Arc::clone(&first)));
     bench.camera = Some([0.008, -0.006]);
     let mut recording = Recording::default();
     recording.interval = 3001;
@@ -152,8 +150,7 @@ fn creep_during_hold_is_replayed_bit_for_bit() {
     assert!(crept - measured > 1e-4, "{measured} {crept}");
     bench.offer(bench.candidate(&first));
     bench.run(2);
-    let staged = bench.change_model(ModelChange::Activate(first.id()), false);
-    assert_eq!(staged, Refusal::None);
+    assert_eq!(bench.change_model(ModelChange::Activate(first.id()), false), Refusal::None);
     let recalled = bench.joints().measured[0];
     assert!((recalled - crept).abs() < 0.1 * (crept - measured), "{measured} {crept} {recalled}");
     assert_eq!(bench.swap(&second), Refusal::None);
@@ -189,6 +186,5 @@ fn a_missing_model_or_snapshot_is_an_error() {
     let mut content = recorded(|number| number == 0);
     content.models.clear();
     assert!(matches!(replay(&content), Err(ReplayError::NoModel(_))));
-    let content = recorded(|_| false);
-    assert!(matches!(replay(&content), Err(ReplayError::NoSnapshot)));
+    assert!(matches!(replay(&recorded(|_| false)), Err(ReplayError::NoSnapshot)));
 }

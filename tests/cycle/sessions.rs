@@ -105,8 +105,7 @@ fn no_loop_of_requests_undoes_a_stop() {
         let mut bench = Bench::enabled_with(config(""), Some(standard_model()));
         let ask = |bench: &mut Bench, ticks: usize| {
             for k in 0..ticks / 300 {
-                let to = rad((k % 2) as f64, 0.0);
-                bench.pose = (again == StateCommand::Move).then_some((to, 2));
+                bench.pose = (again == StateCommand::Move).then_some((rad((k % 2) as f64, 0.0), 2));
                 bench.ask_as(CLIENT, again);
                 bench.run(299);
             }

@@ -159,14 +159,12 @@ fn old_feedback_stops_motion_until_fresh_feedback_and_command() {
     bench.quirk(1, Quirk::Silent);
     let last_report = bench.drives[1].feedback.stamp;
     while bench.now.duration_since(last_report) < Nanos::from_millis(49) {
-        let goal = bench.targets().map(|target| target + 100);
-        assert_eq!(bench.actuator(goal), Refusal::None);
+        assert_eq!(bench.actuator(bench.targets().map(|target| target + 100)), Refusal::None);
     }
     bench.tick();
     let silent = bench.now.duration_since(last_report);
     assert!(bench.report().holding, "{silent:?} without a position");
-    let goal = bench.targets();
-    assert_eq!(bench.actuator(goal), Refusal::DrivesNotReady);
+    assert_eq!(bench.actuator(bench.targets()), Refusal::DrivesNotReady);
     let held = bench.targets();
     bench.run(80);
     assert_eq!((bench.targets(), bench.state()), (held, OperatingState::Enabled));
@@ -182,8 +180,7 @@ fn an_axis_that_loses_its_zero_stops_the_motion() {
     bench.drives[0].feedback.homed = false;
     bench.tick();
     assert!(bench.report().holding && !bench.report().homed);
-    let goal = bench.targets();
-    assert_eq!(bench.actuator(goal), Refusal::NotHomed);
+    assert_eq!(bench.actuator(bench.targets()), Refusal::NotHomed);
 }
 
 #[test]

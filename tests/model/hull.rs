@@ -42,8 +42,7 @@ fn one_motor_has_an_interval() {
     assert_eq!(hull.project(&[f64::NEG_INFINITY, 0.0]), [-7.0, 0.0]);
     assert_eq!(hull.project(&[-2.5, 0.0]), [-2.5, 0.0]);
     assert_eq!(hull.centre(), [-2.0, 0.0]);
-    let contains = [3.0, 3.1, f64::NAN].map(|at| hull.contains(&[at, 0.0]));
-    assert_eq!(contains, [true, false, false]);
+    assert_eq!([3.0, 3.1, f64::NAN].map(|at| hull.contains(&[at, 0.0])), [true, false, false]);
 }
 
 #[test]

@@ -246,6 +246,5 @@ fn other_layers_and_activations_are_refused_by_name() {
         assert!(error.contains(&format!("unknown variant `{name}`")), "{error}");
         assert!(error.contains("`gru`") || error.contains("`softplus`"), "{error}");
     }
-    let parsed = ModelFile::parse(&text).unwrap();
-    assert_eq!(serde_json::to_string(&parsed).unwrap(), text);
+    assert_eq!(serde_json::to_string(&ModelFile::parse(&text).unwrap()).unwrap(), text);
 }

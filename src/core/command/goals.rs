@@ -62,8 +62,9 @@ pub(crate) fn away_m(place: &OutputVec, [pitch, yaw, _]: &OutputVec) -> f64 {
 /// the master is. While the clutch is open (flag `CLUTCH` of `servo_jp`, for example a pedal), the
 /// master moves freely and the snake holds. When it closes, the present poses of master and snake
 /// become the references, so nothing jumps; from then on the snake moves by the displacement of the
-/// master times the scale. The references are kept until the clutch opens again or another client
-/// takes the lease. A rate needs no reference: it is scaled, and zero while the clutch is open.
+/// master times the scale. The references are kept until the clutch opens again, another client
+/// takes the lease or, with a scale other than 1, a stream begins: it is relative to its first
+/// command. A rate needs no reference: it is scaled, and zero while the clutch is open.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Clutch {
     /// Displacement of the snake per displacement of the master.
@@ -99,12 +100,13 @@ impl Clutch {
     }
 
     /// The goal of the snake for a command, and the clutch if the command is accepted. `snake`: the
-    /// present setpoint. Goals in counts are not coupled, those of the tip as the angles that they
-    /// lead to.
+    /// present setpoint. `is_first`: no goal in joint space is followed. Goals in counts are not
+    /// coupled, those of the tip as the angles that they lead to.
     pub(crate) fn couple(
         &self,
         command: &ServoCommand,
         snake: Option<OutputVec>,
+        is_first: bool,
     ) -> (ServoGoal, Self) {
         let mut next = *self;
         let (ServoGoal::Joint(master, entries)
@@ -113,7 +115,7 @@ impl Clutch {
         else {
             return (command.goal, next);
         };
-        if command.client_id != self.client_id {
+        if command.client_id != self.client_id || is_first && self.scale != 1.0 {
             next.client_id = command.client_id;
             next.coupling = Self::first_coupling(self.scale);
         }
@@ -249,22 +251,26 @@ mod tests {
     #[test]
     fn clutch_reference_is_kept_per_client() {
         let snake = Some([0.5, 0.0, 0.0]);
-        let mut clutch = Clutch::new(1.0);
-        for (client_id, angle, clutched, expected) in [
-            (7, 0.1, false, 0.1),
-            (7, 0.2, true, 0.5),
-            (7, 0.3, false, 0.5),
-            (7, 0.4, false, 0.6),
+        let [mut clutch, mut scaled] = [1.0, 0.5].map(Clutch::new);
+        for (client_id, angle, clutched, is_first, expected, expected_scaled) in [
+            (7, 0.1, false, true, 0.1, 0.5),
+            (7, 0.2, true, false, 0.5, 0.5),
+            (7, 0.3, false, true, 0.5, 0.5),
+            (7, 0.4, false, false, 0.6, 0.55),
+            // Its next stream.
+            (7, 0.9, false, true, 1.1, 0.5),
+            (7, 1.0, false, false, 1.2, 0.55),
             // Another client has never opened the clutch.
-            (8, 0.2, false, 0.2),
-            (7, 0.4, false, 0.4),
+            (8, 0.2, false, true, 0.2, 0.5),
+            (7, 0.4, false, false, 0.4, 0.5),
         ] {
-            let (goal, next) = clutch.couple(&command(client_id, angle, clutched), snake);
-            let ServoGoal::Joint(goal, 2) = goal else {
-                panic!("{goal:?}");
-            };
-            assert!((goal[0] - expected).abs() < 1e-12, "{client_id}: {goal:?}");
-            clutch = next;
+            for (clutch, expected) in [(&mut clutch, expected), (&mut scaled, expected_scaled)] {
+                let command = command(client_id, angle, clutched);
+                let (goal, next) = clutch.couple(&command, snake, is_first);
+                let ServoGoal::Joint(goal, 2) = goal else { panic!("{goal:?}") };
+                assert!((goal[0] - expected).abs() < 1e-12, "{command:?}: {goal:?}");
+                *clutch = next;
+            }
         }
     }
 }

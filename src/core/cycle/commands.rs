@@ -269,7 +269,10 @@ impl ControlCycle {
         let joints = self.models.active();
         let place = goals::place(&command.goal);
         let led = ServoCommand { goal: goals::in_joints(command.goal, joints), ..*command };
-        let (goal, clutch) = self.clutch.couple(&led, joints.and_then(JointModel::setpoint));
+        let before = self.machine.state().followed_command();
+        let is_first = before.and_then(FollowedCommand::joint).is_none();
+        let snake = joints.and_then(JointModel::setpoint);
+        let (goal, clutch) = self.clutch.couple(&led, snake, is_first);
         // What is scaled or clutched does not go to the place.
         let place = place.filter(|_| goal == led.goal);
         let command = &ServoCommand { goal, ..*command };
@@ -277,8 +280,7 @@ impl ControlCycle {
         match self.check_servo_command(arrival, place, summary) {
             Ok(followed) => {
                 self.admission.accept(arrival, &self.axes.setpoints(), events);
-                let before = self.machine.state().followed_command();
-                if before.and_then(FollowedCommand::joint).is_none() {
+                if is_first {
                     self.release_goal();
                 }
                 self.clutch = clutch;

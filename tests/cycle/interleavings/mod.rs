@@ -156,8 +156,7 @@ fn no_property_fails_in_any_order_of_three_actions() {
 
 #[test]
 fn no_property_fails_in_random_orders() {
-    let reached = run_randomly(200);
-    assert_eq!(reached, [true; 6], "in the order of `Reached`");
+    assert_eq!(run_randomly(200), [true; 6], "in the order of `Reached`");
 }
 
 #[test]

@@ -27,8 +27,7 @@ impl Situation {
         let goal = ServoGoal::Actuator([Counts(a + near[0]), Counts(b + near[1])], 2);
         let command = self.bench.servo(goal);
         if self.zones_on && !self.zones.is_empty() {
-            let refusal = self.bench.send(command);
-            assert_ne!(refusal, Refusal::None, "counts while fixtures count");
+            assert_ne!(self.bench.send(command), Refusal::None, "counts while fixtures count");
             self.check();
         } else {
             self.send(command);

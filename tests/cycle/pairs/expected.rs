@@ -119,13 +119,6 @@ impl Expected {
         if self.scale == 1.0 { Coupling::Absolute } else { Coupling::Open }
     }
 
-    /// A client has started at zero, the pose of the snake.
-    pub fn begun_at_zero(&mut self, client_id: u64) {
-        let at_zero = Coupling::Relative { master: [0.0; 2], snake: [0.0; 2] };
-        let coupling = if self.scale == 1.0 { Coupling::Absolute } else { at_zero };
-        self.coupling = (client_id, coupling);
-    }
-
     /// A command was accepted in the tick of this report; the snake was at `snake` before it.
     /// `pose`: the goal in degrees, or its rate.
     pub fn accept(
@@ -136,11 +129,11 @@ impl Expected {
         report: &CycleReport,
     ) {
         if let ServoGoal::Actuator(counts, _) = command.goal {
-            let counts = [counts[0].as_f64(), counts[1].as_f64()];
-            self.what = What::Counts([counts; 2]);
+            self.what = What::Counts([[counts[0].as_f64(), counts[1].as_f64()]; 2]);
             return;
         }
-        if command.client_id != self.coupling.0 {
+        let is_first = !matches!(self.what, What::Goal(_) | What::Rate { .. });
+        if command.client_id != self.coupling.0 || is_first && self.scale != 1.0 {
             self.coupling = (command.client_id, self.uncoupled());
         }
         if command.clutched {

@@ -216,9 +216,7 @@ impl Situation {
         self.sent[0] = self.bench.now;
         self.leader = Some((CLIENT, self.bench.now));
         self.oracle.begin(&self.bench);
-        self.oracle.path.expected.begun_at_zero(CLIENT);
-        let counting = self.zones.clone();
-        self.oracle.set_zones(&self.bench, &counting);
+        self.oracle.set_zones(&self.bench, &self.zones);
         let applied = self.bench.report().adaptation.unwrap().applied.zero.map(f64::to_degrees);
         println!("misled by {applied:?} of {x} {y}");
     }

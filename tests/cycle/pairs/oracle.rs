@@ -160,8 +160,7 @@ impl Oracle {
 
     /// Discards the history.
     pub fn begin(&mut self, bench: &Bench) {
-        let positions = bench.drives.each_ref().map(|drive| drive.feedback.position.as_f64());
-        self.snake.follow(positions);
+        self.snake.follow(bench.drives.each_ref().map(|drive| drive.feedback.position.as_f64()));
         self.targets = bench.targets();
         self.hull_excess = out_of(self.hull, self.targets.map(f64::from));
         self.reset_view(bench);
@@ -221,8 +220,7 @@ impl Oracle {
         let report = bench.report();
         let targets = bench.targets();
         let is_on = matches!(report.state, OperatingState::Enabled | OperatingState::Paused);
-        let positions = bench.drives.each_ref().map(|drive| drive.feedback.position.as_f64());
-        self.snake.follow(positions);
+        self.snake.follow(bench.drives.each_ref().map(|drive| drive.feedback.position.as_f64()));
         if !is_on {
             self.past.clear();
             self.past_targets.clear();

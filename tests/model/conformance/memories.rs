@@ -82,8 +82,7 @@ fn bits(model: &Model, memory: &Memory, it: &Situation) -> Vec<u8> {
 /// read from its file.
 pub fn same_bits(sample: &Sample) {
     each(sample, |it| {
-        let text = serde_json::to_string(it.model.file()).unwrap();
-        let file = ModelFile::parse(&text).unwrap();
+        let file = ModelFile::parse(&serde_json::to_string(it.model.file()).unwrap()).unwrap();
         assert_eq!((&file, file.id().unwrap()), (it.model.file(), it.model.id()));
         let again = Model::from_file(file).unwrap();
         let snapshot = postcard::to_allocvec(&it.memory).unwrap();
