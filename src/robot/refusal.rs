@@ -31,8 +31,8 @@ numbered_enum! {
         /// The number of entries is wrong, or an enum has no such number.
         Malformed = 8, "malformed command"
             => "fix the client: number of values, flags and client id";
-        Range = 9, "outside the position limits"
-            => "stay within the position limits, or correct them (`position_min_counts`, \
+        Range = 9, "outside the position limits, a move longer than 60 s, or more than 8 fixtures"
+            => "correct the command, the fixtures or the limits (`position_min_counts`, \
                 `position_max_counts`, `joint_limits`)";
         /// The robot follows a goal of another kind, or the controller shuts down.
         WrongState = 10, "not possible while the robot follows commands, or while \
