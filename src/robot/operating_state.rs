@@ -41,9 +41,9 @@ numbered_enum! {
                 `i2ris command state acknowledge`";
         Model = 7, "the model gave a value that is not finite"
             => "save the black box (`i2ris record replay`) and report it";
-        Late = 8, "too many late ticks: the computer cannot keep up"
-            => "reduce the load on the computer, or grant real-time permission; then `i2ris \
-                command state acknowledge`";
+        Late = 8, "too many late ticks, or a suspend: the computer cannot keep up"
+            => "reduce the load on the computer, do not let it sleep, or grant real-time \
+                permission; then `i2ris command state acknowledge`";
         /// The pose measured by the camera differs from the model's; either may be wrong.
         Implausible = 9, "camera and model disagree on the pose"
             => "check camera, wires, zero and model; then `i2ris command state acknowledge`";

@@ -45,6 +45,11 @@ fn a_fault_reports_what_was_measured_and_of_which_motor() {
     let late = fault(&mut bench, Fault::Late);
     assert_eq!(late.quantity, Quantity::LateTicks);
     assert!(late.measured >= late.limit.unwrap(), "{late}");
+    // A suspend is a single late tick.
+    let mut bench = Bench::enabled();
+    bench.missed = u32::MAX;
+    bench.tick();
+    assert_eq!(measurement(&bench, Cause::Fault(Fault::Late)), None);
 }
 
 #[test]

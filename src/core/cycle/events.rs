@@ -87,7 +87,7 @@ impl ControlCycle {
 
     fn fault_measurement(&self, fault: Fault, summary: &DriveSummary) -> Option<Measurement> {
         match fault {
-            Fault::Late => Some(self.overruns.measurement()),
+            Fault::Late => self.overruns.measurement(),
             Fault::Implausible => self.plausibility.measurement(),
             Fault::None | Fault::DriveTimeout | Fault::Homing | Fault::Model => None,
             Fault::Drive

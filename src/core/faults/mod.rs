@@ -10,7 +10,7 @@
 //! | enabling, powering off: 3 s; homing: 30 s | DriveTimeout | DISABLED, busy |
 //! | homing ended without a zero | Homing | homing |
 //! | model not finite | Model | every state |
-//! | `overrun_ticks` within a second | Late | on |
+//! | `overrun_ticks` within a second, or a suspend | Late | on |
 //! | camera and model apart, in all frames of 300 ms | Implausible | on, memory known |
 //! | current above `over_current_ma` for 200 ms or longer | Current | while the drive follows |
 //!
@@ -209,9 +209,10 @@ impl OverrunMonitor {
         self.limit > 0.0 && self.level >= self.limit
     }
 
-    /// Late ticks in the bucket, and its capacity.
-    pub(crate) fn measurement(&self) -> Measurement {
-        Measurement::new(Quantity::LateTicks, self.level, Some(self.limit))
+    /// Late ticks in the bucket, and its capacity, if it is full.
+    pub(crate) fn measurement(&self) -> Option<Measurement> {
+        let late = Measurement::new(Quantity::LateTicks, self.level, Some(self.limit));
+        (self.limit > 0.0 && self.level >= self.limit).then_some(late)
     }
 }
 
@@ -293,8 +294,8 @@ mod tests {
     #[test]
     fn burst_is_an_overrun_but_low_rate_is_not() {
         let mut monitor = OverrunMonitor::new(10);
-        assert!((0..9).all(|k| !monitor.add(1, ms(k))));
-        assert!(monitor.add(2, ms(9)));
+        assert!((0..9).all(|k| !monitor.add(1, ms(k))) && monitor.measurement().is_none());
+        assert!(monitor.add(2, ms(9)) && monitor.measurement().is_some());
         // Nine per second, for ten seconds, once the bucket is empty again.
         assert!((0..90).all(|k| !monitor.add(1, ms(2000 + k * 112))));
         assert!(OverrunMonitor::new(10).add(10, ms(0)), "all at once");

@@ -14,7 +14,7 @@ FAULTS: dict[int, str] = {
     5: "a drive did not reach the requested state in time",
     6: "homing failed",
     7: "the model gave a value that is not finite",
-    8: "too many late ticks: the computer cannot keep up",
+    8: "too many late ticks, or a suspend: the computer cannot keep up",
     9: "camera and model disagree on the pose",
     10: "motor over-current for too long",
 }
@@ -76,7 +76,7 @@ ADVICE: dict[tuple[int, int], str] = {
     (1, 5): "read why in the controller's log; then `i2ris command state acknowledge`, and repeat if the computer was busy, or `i2ris doctor`",
     (1, 6): "read why in the controller's log; check the keys `homing_*` of the axis; then `i2ris command state acknowledge`",
     (1, 7): "save the black box (`i2ris record replay`) and report it",
-    (1, 8): "reduce the load on the computer, or grant real-time permission; then `i2ris command state acknowledge`",
+    (1, 8): "reduce the load on the computer, do not let it sleep, or grant real-time permission; then `i2ris command state acknowledge`",
     (1, 9): "check camera, wires, zero and model; then `i2ris command state acknowledge`",
     (1, 10): "free the mechanism and inspect the snake; then `i2ris command state acknowledge`",
     (2, 1): "fix the client: it sends NaN or an infinite value",
