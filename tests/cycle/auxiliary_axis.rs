@@ -140,6 +140,11 @@ fn robot_is_homed_and_enabled_only_with_jaw() {
     let mut bench = Bench::new(with_jaw(config("")), Some(standard_model()));
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
     bench.home();
+    bench.jaw.feedback.position = Counts(1001);
+    let reply = bench.ask_as(CLIENT, StateCommand::Enable);
+    let outside = Measurement::new(Quantity::Counts, 1001.0, Some(1000.0)).of_motor(2);
+    assert_eq!((reply.refusal, reply.measurement), (Refusal::Range, Some(outside)));
+    bench.jaw.feedback.position = Counts(0);
     assert!(bench.jaw.feedback.homed);
     bench.jaw.feedback.homed = false;
     bench.tick();

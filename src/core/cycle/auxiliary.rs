@@ -85,7 +85,9 @@ impl ControlCycle {
             let client_id = arrival.command.client_id;
             if self.admission.refuse(arrival, refusal) {
                 let kind = CycleEventKind::Refused { client_id, refusal };
-                events.push_measured(kind, self.request_measurement(refusal, summary));
+                // A goal out of range says nothing of the motors.
+                let measurement = self.request_measurement(refusal, summary);
+                events.push_measured(kind, measurement.filter(|_| refusal != Refusal::Range));
             }
         }
         let demand = self.machine.state().demands(summary)[AUXILIARY];

@@ -114,9 +114,7 @@ impl ControlCycle {
                 self.range_check.step_measurement(&self.unchecked(command, deadline, summary.now))
             }
             Refusal::Range => match command.goal {
-                ServoGoal::Actuator(counts, _) => {
-                    self.axes.range_measurement(|motor, _| counts.get(usize::from(motor)).copied())
-                }
+                ServoGoal::Actuator(counts, _) => self.axes.range_measurement(&counts),
                 _ => None,
             },
             Refusal::Malformed => self.entries_measurement(command),
@@ -137,7 +135,7 @@ impl ControlCycle {
                 is_old.then(|| Measurement::from_age(age, summary.stale_after))
             }),
             Refusal::Range => {
-                self.axes.range_measurement(|_, axis: &AxisControl| Some(axis.feedback().position))
+                self.first_axis(|axis| axis.range_measurement(axis.feedback().position))
             }
             _ => None,
         }

@@ -159,12 +159,10 @@ impl AxisGroup {
     /// The first of these positions that is outside the limits of its axis.
     pub(crate) fn range_measurement(
         &self,
-        position: impl Fn(u8, &AxisControl) -> Option<Counts>,
+        positions: &[Counts; MAX_MOTORS],
     ) -> Option<Measurement> {
-        (0..).zip(&self.0).find_map(|(motor, axis)| {
-            let measurement = axis.range_measurement(position(motor, axis)?)?;
-            Some(measurement.of_motor(motor))
-        })
+        let mut axes = (0..).zip(&self.0).zip(positions);
+        axes.find_map(|((motor, axis), at)| Some(axis.range_measurement(*at)?.of_motor(motor)))
     }
 
     /// The setpoints before rounding, counts.
