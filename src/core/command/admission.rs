@@ -10,7 +10,7 @@
 //! | 3 | stamp at most 2 ms in the future, deadline at most 1 s | `Stamp` | `client_stream` |
 //! | 4 | younger than its deadline | `Stale` | `client_stream` |
 //! | 5 | state ENABLED, | `NotEnabled`, `Paused`, `InFault` | `admission` |
-//! |   | and no conditioning cycle or trajectory in progress | `Busy` | `admission` |
+//! |   | no conditioning cycle or trajectory in progress | `Conditioning`, `Busy` | `admission` |
 //! | 6 | every axis homed | `NotHomed` | `admission` |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | `admission` |
 //! | 8 | no other client commands | `Lease` | `authority` |
@@ -18,6 +18,7 @@
 //! |   | and is not held | `StreamInterrupted` | `authority` |
 //! | 10 | sequence above the client's last accepted one, | `Sequence` | `client_stream` |
 //! |   | and stamp not before it | `Stamp` | `client_stream` |
+//! |   | counts: no virtual fixture counts | `Fixture` | `cycle/commands` |
 //! | 11 | a model; for rates and places: of angles | `NoModel`, `Unsupported` | `range_check` |
 //! | 12 | number of entries as the model or the motors have | `Malformed` | `range_check` |
 //! | 13 | counts: within the position limits of the axes | `Range` | `range_check` |

@@ -1,4 +1,4 @@
-//! Range check: the goals that a servo command may request. Checks 10 to 13 of `admission`.
+//! Range check: the goals that a servo command may request. Checks 11 to 14 of `admission`.
 
 use crate::config::CommandConfig;
 use crate::core::command::client_stream::FollowedCommand;

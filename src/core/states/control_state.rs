@@ -58,16 +58,16 @@
 //!    busy, until the drive has left its fault. After 1 s the fault is latched again. Then
 //!    DISABLED, powering off.
 //! 5. The lease becomes free and the client's activity ends: the robot holds, or ends the homing.
-//! 6. Busy during a conditioning cycle or a trajectory; NotHomed and DrivesNotReady as for servo
-//!    commands; Range if the position limits leave less room than the model needs to forget, or the
-//!    joint limits less than it crosses. The robot stops following the present command. Servo
-//!    commands are refused with Busy until the cycle has ended, where it began, and the robot
-//!    holds. `pause`, `disable`, a fault, positions that are not fresh and a lost zero end it at
-//!    once, and so do new fixtures. Setpoints stuck at a limit for a second also end it, as they
-//!    end a stream.
-//! 7. By the request `move_jp`. Refused in this order: Busy, NotHomed and DrivesNotReady as for
-//!    (6), Lease and StreamInterrupted, Malformed without a pose, NoModel, Malformed with a wrong
-//!    number of entries, Unsupported for a model of the tip position, NotFinite, Busy while a
+//! 6. Conditioning during a cycle, Busy during a trajectory; NotHomed and DrivesNotReady as for
+//!    servo commands; Range if the position limits leave less room than the model needs to forget,
+//!    or the joint limits less than it crosses. The robot stops following the present command.
+//!    Servo commands are refused with Conditioning until the cycle has ended, where it began, and
+//!    the robot holds. `pause`, `disable`, a fault, positions that are not fresh and a lost zero
+//!    end it at once, and so do new fixtures. Setpoints stuck at a limit for a second also end it,
+//!    as they end a stream.
+//! 7. By the request `move_jp`. Refused in this order: Conditioning, NotHomed and DrivesNotReady as
+//!    for (6), Lease and StreamInterrupted, Malformed without a pose, NoModel, Malformed with a
+//!    wrong number of entries, Unsupported for a model of the tip position, NotFinite, Busy while a
 //!    setpoint moves, OutOfReach for a pose outside the hull, the position limits or the joint
 //!    limits, Fixture, Range. A second move of the same client replaces the first, which comes to
 //!    rest before. Otherwise as (6): servo commands are refused with Busy during the move, and the
