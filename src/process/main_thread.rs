@@ -113,7 +113,8 @@ impl MainThread<'_> {
                 }
                 _ => None,
             };
-            lines.push(match client {
+            let client = client.map(|client| client.to_string());
+            lines.push(match &client {
                 Some(client) => (event.stamp, format!("{event}: {client}")),
                 None => (event.stamp, event.to_string()),
             });
