@@ -216,7 +216,7 @@ const FILE_PERIOD: Nanos = Nanos::from_millis(1000);
 const REST_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
 pub struct Progress {
-    monitor: StreamMonitor,
+    pub monitor: StreamMonitor,
     screen: Screen,
     next_line: Nanos,
 }

@@ -11,9 +11,8 @@ use i2ris::units::Nanos;
 use i2ris_report::{Failure, bail};
 use i2ris_teleop::clutch::Open;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use nix::sys::termios::{
-    LocalFlags, OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr,
-};
+use nix::sys::termios::{LocalFlags, OutputFlags, SetArg, Termios};
+use nix::sys::termios::{cfmakeraw, tcgetattr, tcsetattr};
 
 use super::{HandRequest, Source, SourceLost};
 

@@ -171,7 +171,8 @@ impl FirstDay {
         let mut result = end(self.start(words));
         // A motor catches up with full current after a stall of its emulated drive.
         if result.error.contains("motor over-current for too long") {
-            ["command state acknowledge", "enable"].map(|it| ends(self.start(it), 0, &[]));
+            ends(self.start("command state acknowledge"), 0, &[]);
+            ends(self.start("enable"), 0, &[]);
             result = end(self.start(words));
         }
         assert_eq!(result.code, Some(0), "{words}: {}{}", result.output, result.error);
