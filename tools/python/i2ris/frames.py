@@ -93,7 +93,7 @@ def _is_whole(data: bytes) -> bool:
     return data.startswith(b"\xff\xd8") and data.rstrip(b"\0\r\n").endswith(b"\xff\xd9")
 
 
-#: A driver's stamp that differs more from the arrival of the frame is from a different clock.
+#: A driver's first stamp that differs more from the arrival of its frame is from a different clock.
 OLDEST_NS = 2_000_000_000
 #: Stamps of arrivals are later than the exposures by the delay of camera, cable and driver.
 BY_ARRIVAL = "stamps are those of arrival, later than the exposures: a recording measures the delay (camera_late_s)"
@@ -119,7 +119,9 @@ class CameraClock:
         stamp_ns = arrived_ns
         if self.cause is None:
             of_driver = round(self._capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6)
-            if 0 <= arrived_ns - of_driver <= OLDEST_NS:
+            # Later ones are compared with the previous one: a frame that waited for this process has the same clock.
+            reference_ns = arrived_ns if self._last is None else self._last
+            if reference_ns - OLDEST_NS <= of_driver <= arrived_ns:
                 stamp_ns = of_driver
             else:
                 self.cause = "the stamps of the driver are from a different clock"

@@ -260,6 +260,13 @@ def test_missing_driver_stamps_are_replaced_and_reported(backend, stamp_ms, word
     assert words in clock.cause and clock.lost == 0
 
 
+def test_pause_of_this_program_does_not_change_the_clock():
+    exposed, waited_ns = [1000.0, 1033.3, 4500.0], [41_000_000, 3_400_000_000, 41_000_000]
+    clock = frames.CameraClock(Driver("V4L2", exposed))
+    stamps = [clock.stamp_ns(round(1e6 * ms) + waited) for ms, waited in zip(exposed, waited_ns)]
+    assert stamps == [round(1e6 * ms) for ms in exposed] and clock.cause is None
+
+
 def test_pairs_need_stamps_that_are_near():
     frame = lambda ms: frames.Frame(ms * 1_000_000, "", None)
     seen = list(frames.pairs(iter([frame(0), frame(33), frame(66)]), iter([frame(2), frame(65)]), 12_000_000))
