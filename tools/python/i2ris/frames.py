@@ -95,6 +95,8 @@ def _is_whole(data: bytes) -> bool:
 
 #: A driver's first stamp that differs more from the arrival of its frame is from a different clock.
 OLDEST_NS = 2_000_000_000
+#: Time until the next attempt after no camera had a frame, s: the call of an unplugged one returns at once.
+NO_IMAGE_S = 0.03
 #: Stamps of arrivals are later than the exposures by the delay of camera, cable and driver.
 BY_ARRIVAL = "stamps are those of arrival, later than the exposures: a recording measures the delay (camera_late_s)"
 
@@ -153,6 +155,8 @@ def cameras(devices, clocks=None):
     while True:
         number += 1
         grabbed = [(capture.grab(), time.monotonic_ns()) for capture in captures]
+        if not any(has for has, _ in grabbed):
+            time.sleep(NO_IMAGE_S)
         group = []
         for capture, clock, (has, arrived_ns) in zip(captures, clocks, grabbed):
             stamp_ns = clock.stamp_ns(arrived_ns) if has else arrived_ns

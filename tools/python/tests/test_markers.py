@@ -239,6 +239,13 @@ class Driver:
         assert name == cv2.CAP_PROP_POS_MSEC
         return self.stamps_ms.pop(0)
 
+    def isOpened(self):
+        return True
+
+    def grab(self):
+        """Unplugged, if no stamp is left."""
+        return bool(self.stamps_ms)
+
 
 def test_stamps_come_from_the_driver_and_lost_frames_are_counted():
     exposed = [1000.0, 1033.3, 1066.7, 1166.7, 1200.0]  # two lost between the third and the fourth
@@ -265,6 +272,16 @@ def test_pause_of_this_program_does_not_change_the_clock():
     clock = frames.CameraClock(Driver("V4L2", exposed))
     stamps = [clock.stamp_ns(round(1e6 * ms) + waited) for ms, waited in zip(exposed, waited_ns)]
     assert stamps == [round(1e6 * ms) for ms in exposed] and clock.cause is None
+
+
+def test_unplugged_camera_is_asked_again_after_the_time_of_a_frame(monkeypatch):
+    slept = []
+    monkeypatch.setattr(frames.cv2, "VideoCapture", lambda *_: Driver("V4L2", []))
+    monkeypatch.setattr(frames.time, "sleep", slept.append)
+    groups = frames.cameras([0, 1])
+    for count in (1, 2):
+        assert [frame.cause for frame in next(groups)] == [frames.NO_IMAGE] * 2
+        assert slept == [frames.NO_IMAGE_S] * count
 
 
 def test_pairs_need_stamps_that_are_near():
