@@ -434,7 +434,10 @@ class Arm:
         return "\n".join(lines)
 
     def record(self, path: str | os.PathLike[str], note: str = "") -> Recording:
-        """Records all streams as MCAP until ``stop()`` or the end of a ``with`` block, by the program ``i2ris record``."""
+        """Records all streams as MCAP until ``stop()`` or the end of a ``with`` block, by the program ``i2ris record``.
+
+        Raises ``FileExistsError`` if the file exists.
+        """
         return Recording(self._link.domain, path, note)
 
     def _reasons(self, service: str) -> list[Reason]:

@@ -19,6 +19,9 @@ class Recording:
 
     def __init__(self, domain: str, path: str | os.PathLike[str], note: str):
         self.path = Path(path).absolute()
+        # The program refuses it as well, but later: an existing file looks like a recording that has started.
+        if self.path.exists():
+            raise FileExistsError(f"{self.path} exists; name a file that does not exist yet")
         command = ["i2ris", "record", "--domain", domain, "--output", str(self.path)]
         # In a separate session: Ctrl-C in a notebook does not end it.
         self._program: subprocess.Popen[str] | None = subprocess.Popen(

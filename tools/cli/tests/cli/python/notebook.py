@@ -26,6 +26,11 @@ arm.fixtures.remove_added()
 with arm.record(sys.argv[2], note='notebook') as recording:
     arm.move_jp([0.1, 0.0]).wait()
 assert recording.path.stat().st_size > 1000
+try:
+    arm.record(sys.argv[2])
+    raise AssertionError('nothing would be recorded')
+except FileExistsError as refused:
+    assert sys.argv[2] in str(refused), refused
 
 def until(reached, send):
     while not reached(arm.setpoint_js().position):
