@@ -10,7 +10,7 @@
     benchmark.inverse(case, "model.json")              # the same while the controller tracks five motions
     benchmark.geometric_mean(shares)
 
-Frozen: version, seeds, and the digests of all recordings (``benchmark-3.json``, checked when data are made). The data are
+Frozen: version, seeds, and the digests of all recordings (``benchmark-3.json``, checked at every use). The data are
 made on this computer, in seconds; nothing is downloaded. Version 1 had the first eight physics, and no ``joint``. Version 3
 has the default limits of a robot in the inverse task, and slower motions within them: its figures differ from those of
 version 2. The recordings, and so the forward task, are the same in all versions.
@@ -151,10 +151,12 @@ class Case:
                 path, self.physics, self.seed, protocol=protocol, duration_s=duration_s, noise_deg=noise,
                 latency_ms=late, first_seed=seed, aged=aged,
             )  # fmt: skip
-            expected = digests().get(name)
-            found = hashlib.sha256(path.read_bytes()).hexdigest()
-            if expected is not None and expected != found:
-                raise RuntimeError(f"{name} is not the recording of version {VERSION} ({found[:12]}, not {expected[:12]})")
+        # Also of an earlier run, which may have ended while it wrote.
+        expected = digests().get(name)
+        found = hashlib.sha256(path.read_bytes()).hexdigest()
+        if expected is not None and expected != found:
+            why = f"is not the recording of version {VERSION} ({found[:12]}, not {expected[:12]})"
+            raise RuntimeError(f"{path} {why}; delete it to have it made again")
         return path
 
     def train_path(self) -> Path:

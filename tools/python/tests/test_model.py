@@ -49,6 +49,13 @@ def learned(train, layers=None, **changes):
     return from_torch(layers or gru(), **{**options, **changes})
 
 
+def test_truncated_recording_of_an_earlier_run_is_refused(case, tmp_path):
+    whole = case.train_path().read_bytes()
+    (tmp_path / f"{case.name}.csv").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(RuntimeError, match="delete it"):
+        benchmark.Case("gear", 1, "short", folder=tmp_path).train()
+
+
 @pytest.mark.skipif(not CLI, reason="I2RIS_CLI does not name the command line")
 @pytest.mark.parametrize(("physics", "seed", "family"), COMPARED)
 def test_file_equals_that_of_the_command_line(physics, seed, family, tmp_path):
