@@ -113,11 +113,6 @@ fn refuses(bench: &WorkFolder, words: &str, part: &str) {
 const OUTCOMES: [Outcome; 4] =
     [Outcome::Failure, Outcome::Success, Outcome::Aborted, Outcome::Recovery];
 
-/// Rows as `i2ris.lerobot` makes them of an export, without LeRobot.
-const ROWS: &str = include_str!("python/rows.py");
-/// Reads a data set with LeRobot and checks its content.
-const LOAD: &str = include_str!("python/load.py");
-
 const BUILD: &str = "import sys\nfrom i2ris.lerobot import main\nsys.exit(main(sys.argv[1:]))";
 
 /// Tables with and without pictures become rows in any Python, or a data set that a LeRobot reads.
@@ -128,11 +123,11 @@ fn becomes_a_data_set(lerobot: Option<&str>) {
         assert!(printed.contains("P07-with-03: aborted"), "{printed}");
         let [tables, set] = [&*bench.file("tables"), &*bench.file("set")];
         match lerobot {
-            None => run_python(ROWS, &[tables, kind]),
+            None => run_python(include_str!("python/rows.py"), &[tables, kind]),
             Some(python) => {
                 let words = [tables, "--output", set, "--rate-hz", "25", "--images"];
                 run_python_of(python, BUILD, &words);
-                run_python_of(python, LOAD, &[set, kind]);
+                run_python_of(python, include_str!("python/load.py"), &[set, kind]);
             }
         }
     }
@@ -191,10 +186,15 @@ fn a_study_becomes_a_data_set_of_lerobot_3() {
 #[test]
 fn export_is_complete_or_absent_and_replaces_nothing_else() {
     let bench = study(&[Outcome::Success, Outcome::Success], false);
-    let (call, overwriting) = ("study --output set", "study --output set --overwrite");
+    let (call, overwriting) = ("study --output set", "study --output set/ --overwrite");
     exports(&bench, call);
     let before = bench.read("set/i2ris-export.json");
     refuses(&bench, call, "exists; name another folder, or add --overwrite");
+    // Left over from a killed export; and the copy of a person.
+    for folder in ["set.i2ris-old", "set.old"] {
+        fs::create_dir(bench.path(folder)).unwrap();
+        bench.write(&format!("{folder}/goal_js.csv"), "");
+    }
     exports(&bench, overwriting);
     // The second trial cannot be read: nothing is left of the first, and the old set stays.
     bench.write("study/P07-with-02/recording.mcap", "no recording");
@@ -202,7 +202,7 @@ fn export_is_complete_or_absent_and_replaces_nothing_else() {
     assert_eq!(bench.read("set/i2ris-export.json"), before);
     refuses(&bench, "study --output fresh", "is not a recording");
     let left: Vec<_> = fs::read_dir(bench.path("")).unwrap().map(|it| it.unwrap().path()).collect();
-    assert_eq!(left.len(), 2, "the study and the set: {left:?}");
+    assert_eq!(left.len(), 3, "the study, the set and the copy: {left:?}");
     // Foreign files are never replaced.
     fs::create_dir(bench.path("fresh")).unwrap();
     bench.write("fresh/thesis.tex", "years");
@@ -212,9 +212,6 @@ fn export_is_complete_or_absent_and_replaces_nothing_else() {
         assert!(bench.exists("fresh/thesis.tex"));
     }
 }
-
-/// Messages of `python -m i2ris.lerobot` for an export that is not a data set.
-const REFUSED: &str = include_str!("python/refused.py");
 
 #[needs("python: csv")]
 #[test]
@@ -240,7 +237,8 @@ fn inconsistent_recordings_are_split_or_refused() {
         ("empty.mcap", "no recording has estimate, goal and counts", "with"),
     ] {
         exports(&bench, &format!("{recordings} --output tables --overwrite --pictures"));
-        run_python(REFUSED, &[&bench.file("tables"), words, pictures]);
+        let script = include_str!("python/refused.py");
+        run_python(script, &[&bench.file("tables"), words, pictures]);
     }
 }
 

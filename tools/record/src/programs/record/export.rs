@@ -191,17 +191,20 @@ fn staged<T>(
     if (folder.exists() && !folder.is_dir()) || (has_files && !folder.join(MADE_OF).exists()) {
         bail!("{output}: not an export of i2ris (it has no {MADE_OF}); left unchanged");
     }
-    let sibling = |ending: &str| {
+    // A trailing slash would put the siblings into the folder. A person names no folder like them.
+    let folder = &folder.components().collect::<PathBuf>();
+    let [part, old] = [".i2ris-part", ".i2ris-old"].map(|ending| {
         let mut name = folder.as_os_str().to_owned();
         name.push(ending);
         PathBuf::from(name)
-    };
-    let (part, old) = (sibling(".part"), sibling(".old"));
+    });
     // Left over from an export that was killed.
     let _ = fs::remove_dir_all(&part);
     fs::create_dir_all(&part).map_err(io)?;
     let place = |part: &Path| {
         if folder.exists() {
+            // Left over as well; without the folder it would be the only copy.
+            let _ = fs::remove_dir_all(&old);
             fs::rename(folder, &old)?;
         }
         // If the new folder cannot be moved there, the old one is restored.
