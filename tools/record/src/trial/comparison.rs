@@ -210,6 +210,11 @@ impl StudyReport {
                 (None, _) => numbers.left_out = Some("still running, or truncated".into()),
                 (Some(Outcome::Aborted), _) => numbers.left_out = Some("aborted".into()),
                 (_, Err(error)) => numbers.left_out = Some(error.to_string()),
+                (_, Ok(TrialReport { cut_off, .. }))
+                    if state.failed.is_some() || cut_off.is_some() =>
+                {
+                    numbers.left_out = state.failed.clone().or(cut_off);
+                }
                 (_, Ok(report)) => {
                     numbers.values = MEASURES.map(|it| (it.of)(state, &report));
                     numbers.made_with = MadeWith::of(&report);

@@ -119,7 +119,7 @@ impl StudyReport {
              along the way; the hold time is not part of the movement time. Error: between goal \
              and camera. Lag of a pursuit: where the cross-correlation of target and snake is \
              largest; its first 3 s do not count. Workload: NASA-TLX without weights. Trials \
-             that were aborted do not count.";
+             that are aborted or incomplete do not count.";
         page.page_only(|page| page.paragraph(about));
     }
 

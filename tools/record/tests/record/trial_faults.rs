@@ -10,6 +10,7 @@ use i2ris::ipc::payload::{TrialMsg, unpadded_text};
 use i2ris::units::Nanos;
 use i2ris_record::report::TrialReport;
 use i2ris_record::trial::Study;
+use i2ris_record::trial::comparison::StudyReport;
 use i2ris_record::trial::journal::Journal;
 use i2ris_testing::bench::{assert_says, repository, succeeds};
 use i2ris_testing::{Controller, TIMEOUT, wait_until};
@@ -125,12 +126,18 @@ fn full_disk_is_reported_and_robot_and_data_stay() {
         first = if first == 0 { stamp } else { first };
         stamp > first
     });
-    bench.succeeds("stop --outcome aborted");
+    bench.succeeds("stop --outcome success");
     let show = bench.succeeds("list P07-joystick-02");
     assert!(show.contains("not recorded to its end") && show.contains("still-here"), "{show}");
     let kept = TrialReport::read(&bench.trial("P07-joystick-02").join("recording.mcap")).unwrap();
     assert!(kept.cut_off.is_some() && kept.length_s > 0.0, "{:?}", kept.cut_off);
     assert_eq!(fs::read(bench.trial(FIRST).join("recording.mcap")).unwrap(), before);
+    // In the study it does not count, as any recording that is not complete.
+    let left_out =
+        |trial: usize| StudyReport::read(&bench.study()).unwrap().trials[trial].left_out.is_some();
+    assert!(!left_out(0) && left_out(1));
+    fs::write(bench.trial(FIRST).join("recording.mcap"), &before[..before.len() / 2]).unwrap();
+    assert!(left_out(0));
     bench.succeeds(START);
     bench.succeeds("stop --outcome success");
 }
