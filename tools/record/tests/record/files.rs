@@ -13,6 +13,7 @@ use i2ris_record::export::export;
 use i2ris_record::recorder::{AttachedFile, RecordingHeader, TrialRecorder};
 use i2ris_record::recovery::recover;
 use i2ris_record::report::TrialReport;
+use i2ris_testing::bench::{WorkFolder, assert_says};
 use i2ris_testing::{program, run_python};
 use mcap::records::op;
 
@@ -132,11 +133,21 @@ fn overview_has_angles_in_degrees_state_and_time() {
     assert_eq!((late[2], late[9], late[10]), ("FAULT", "", ""), "no angles without a camera");
     let units = fs::read_to_string(tables.join("units.csv")).unwrap();
     assert!(units.contains("overview,camera_yaw_deg,deg\n"), "{units}");
-    assert!(tables.join("overview.csv").exists());
     let report = TrialReport::read(&file).unwrap();
     assert_eq!(report.recorded.as_deref(), Some("2023-11-14T22:13:20Z"));
     assert!(report.text().contains("recorded 2023-11-14T22:13:20Z"), "{}", report.text());
     assert!(report.html().contains("2023-11-14T22:13:20Z"));
+}
+
+#[test]
+fn a_recording_begins_when_its_first_message_is_received() {
+    let bench = WorkFolder::empty();
+    let mut trial = TrialRecorder::start(&bench.path("a.mcap"), header()).unwrap();
+    // From the history of a stream: published an hour ago.
+    trial.record(&camera(Nanos::ZERO, [0.0; 2]), Nanos::from_millis(3_600_000));
+    trial.finish(BTreeMap::new(), &[]).unwrap();
+    let received = "recorded 2023-11-14T23:13:20Z to 2023-11-14T23:13:20Z (UTC)";
+    assert_says(&bench.succeeds("record info a.mcap"), &[received]);
 }
 
 #[test]
@@ -278,7 +289,6 @@ fn damaged_bytes_cause_no_panic() {
     }
 }
 
-/// A record whose body ends with a length, after this many bytes, and more bytes after it.
 #[test]
 fn declared_length_allocates_only_what_the_file_holds() {
     let folder = tempfile::tempdir().unwrap();

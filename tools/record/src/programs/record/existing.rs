@@ -98,10 +98,11 @@ impl Content {
                 Record::Message { header, data } => {
                     let name = names.get(&header.channel_id).cloned().unwrap_or_default();
                     let topic = content.topics.entry(name).or_default();
+                    // Not their stamps: streams with a history begin with old messages.
                     if topic.messages == 0 {
-                        topic.first = header.publish_time;
+                        topic.first = header.log_time;
                     }
-                    topic.last = header.publish_time;
+                    topic.last = header.log_time;
                     topic.messages += 1;
                     topic.bytes += data.len() as u64;
                     let span = Nanos(topic.last.saturating_sub(topic.first));
