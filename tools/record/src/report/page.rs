@@ -71,8 +71,8 @@ fn notices(report: &TrialReport) -> Vec<String> {
         notices.push(format!("{missing} message(s) of the controller are missing."));
     }
     notices.extend(report.trial.unread().map(|text| format!("{text}.")));
-    let tip = "The outputs are positions of the tip, not angles: this report does not draw them.";
-    notices.extend(report.trial.is_tip.then(|| tip.to_owned()));
+    let other = "The model has not two angles: this report does not draw its outputs.";
+    notices.extend(report.trial.has_other_outputs.then(|| other.to_owned()));
     let troubles = report.troubles().count();
     if troubles > 0 {
         notices.push(format!("{troubles} unintended event(s); see the list."));
@@ -98,7 +98,7 @@ fn about(report: &TrialReport) -> Vec<(String, String)> {
 fn write_tracking(page: &mut Document, report: &TrialReport) {
     page.section("Tracking");
     if report.trial.goal.is_empty() && report.trial.measured.is_empty() {
-        page.paragraph("No angles: no model was in use.");
+        page.paragraph("No pair of angles was recorded.");
         return;
     }
     page.figure(

@@ -18,7 +18,7 @@ use crate::messages::{Topic, cdr};
 use crate::read::{ReadError, Records};
 use crate::recorder::{HEADER, OUTCOME, rate_hz};
 
-/// Outputs of models of angles. Models of the tip position have three outputs, in metres.
+/// Outputs that a report draws. A model of the tip has three, in metres; that of one motor has one.
 const ANGLES: u32 = 2;
 
 #[derive(Debug, Default)]
@@ -64,8 +64,8 @@ pub struct Trial {
     pub targets: Vec<ReachTarget>,
     pub followed: Vec<Followed>,
     pub latencies: Latencies,
-    /// Whether outputs are positions of the tip, not angles: the series do not contain them.
-    pub is_tip: bool,
+    /// Whether outputs are not two angles: the series do not contain them.
+    pub has_other_outputs: bool,
     /// Reason why the recording cannot be read to its end.
     pub stopped_by: Option<String>,
 }
@@ -327,7 +327,7 @@ impl Trial {
         if state.count == ANGLES {
             series(self).push(state.stamp_ns, degrees(state.position));
         } else {
-            self.is_tip = true;
+            self.has_other_outputs = true;
         }
     }
 }
