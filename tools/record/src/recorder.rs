@@ -33,7 +33,6 @@ pub const FLUSH_PERIOD: Duration = Duration::from_millis(200);
 pub const SYNC_PERIOD: Duration = Duration::from_millis(1000);
 /// Messages that can wait for the disk: ten seconds of all streams.
 const QUEUE_LENGTH: usize = 1 << 16;
-
 /// Bytes of pictures that can wait for the disk.
 const PICTURE_QUEUE: usize = 64 << 20;
 
@@ -279,7 +278,10 @@ impl TrialRecorder {
         let finish = |mut file: McapFile| {
             attach(&mut file, attachments, self.standard.unix_offset_ns)?;
             file.write_metadata(&Metadata { name: OUTCOME.to_owned(), metadata: outcome })?;
-            file.finish().map(drop)
+            file.finish()?;
+            // It is reported as complete after this. A failure does not count, as in `write_messages`.
+            let _ = file.into_inner().get_ref().sync_all();
+            Ok(())
         };
         let finished = written.and_then(finish);
         finished.map_err(|source| RecordError::Write { path, source })?;
