@@ -15,17 +15,14 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 /// Maximum length of a record, bytes. The largest that we write are models and configurations.
 const MAX_RECORD_BYTES: usize = 1 << 28;
-
 /// Bytes read at once: a declared length allocates no memory until the file has that many bytes.
 const READ_SIZE: usize = 1 << 20;
-
 /// Kinds of records that are used here: no header, no index.
 const READ: [u8; 6] =
     [op::SCHEMA, op::CHANNEL, op::MESSAGE, op::ATTACHMENT, op::METADATA, op::DATA_END];
 
 /// Bytes before the body of a record: its kind and its length.
 const HEAD: u64 = 9;
-
 /// Bytes of a footer with the end of the file.
 const FOOTER: u64 = HEAD + 20 + mcap::MAGIC.len() as u64;
 

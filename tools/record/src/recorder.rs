@@ -283,8 +283,7 @@ impl TrialRecorder {
             let _ = file.into_inner().get_ref().sync_all();
             Ok(())
         };
-        let finished = written.and_then(finish);
-        finished.map_err(|source| RecordError::Write { path, source })?;
+        written.and_then(finish).map_err(|source| RecordError::Write { path, source })?;
         Ok(self.counts)
     }
 }
@@ -298,8 +297,7 @@ fn write_header(file: File, header: &RecordingHeader) -> Result<McapFile, McapEr
         .disable_seeking(true);
     let mut file = Writer::with_options(BufWriter::new(file), options)?;
     let mut about = header.about.clone();
-    let offset = header.unix_offset_ns.to_string();
-    about.insert("unix_minus_monotonic_ns".to_owned(), offset);
+    about.insert("unix_minus_monotonic_ns".to_owned(), header.unix_offset_ns.to_string());
     if !header.joints.is_empty() {
         about.insert(JOINTS.to_owned(), header.joints.join(" "));
     }

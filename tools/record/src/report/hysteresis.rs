@@ -11,12 +11,10 @@ use super::trial::Trial;
 
 /// Minimum motion that has a direction, counts.
 const TURN_COUNTS: f64 = 3.0;
-
 /// Bins along the stroke for the width of the loop.
 const BINS: usize = 24;
 /// Minimum number of samples of a branch in a bin.
 const MIN_SAMPLES: usize = 5;
-
 /// Counts further apart in time than this are not interpolated, ns.
 const GAP_NS: u64 = 20_000_000;
 

@@ -23,7 +23,6 @@ use crate::{camera, header, joints, motors};
 /// Pictures per second, and how late the last one of five is.
 const FPS: u64 = 25;
 const LATE_MS: u64 = 4;
-
 /// Now and then: a recording that is made faster than it is written drops what has no room.
 const WRITES: Nanos = Nanos::from_millis(2);
 
@@ -113,10 +112,9 @@ fn refuses(bench: &WorkFolder, words: &str, part: &str) {
 const OUTCOMES: [Outcome; 4] =
     [Outcome::Failure, Outcome::Success, Outcome::Aborted, Outcome::Recovery];
 
-const BUILD: &str = "import sys\nfrom i2ris.lerobot import main\nsys.exit(main(sys.argv[1:]))";
-
 /// Tables with and without pictures become rows in any Python, or a data set that a LeRobot reads.
 fn becomes_a_data_set(lerobot: Option<&str>) {
+    let build = "import sys\nfrom i2ris.lerobot import main\nsys.exit(main(sys.argv[1:]))";
     for kind in ["pictures", "none"] {
         let bench = study(&OUTCOMES, kind == "pictures");
         let printed = exports(&bench, "study --output tables --pictures");
@@ -126,7 +124,7 @@ fn becomes_a_data_set(lerobot: Option<&str>) {
             None => run_python(include_str!("python/rows.py"), &[tables, kind]),
             Some(python) => {
                 let words = [tables, "--output", set, "--rate-hz", "25", "--images"];
-                run_python_of(python, BUILD, &words);
+                run_python_of(python, build, &words);
                 run_python_of(python, include_str!("python/load.py"), &[set, kind]);
             }
         }

@@ -333,6 +333,5 @@ fn declared_length_allocates_only_what_the_file_holds() {
 #[test]
 fn python_opens_it_with_named_fields() {
     let (_folder, file) = recording(record);
-    let script = include_str!("python/named_fields.py");
-    run_python(script, &[file.to_str().unwrap()]);
+    run_python(include_str!("python/named_fields.py"), &[file.to_str().unwrap()]);
 }

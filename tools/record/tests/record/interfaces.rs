@@ -36,8 +36,7 @@ fn table() -> serde_json::Value {
 #[needs("python: ctypes")]
 #[test]
 fn python_has_the_same_payloads() {
-    let script = include_str!("python/payloads.py");
-    run_python(script, &[&table().to_string()]);
+    run_python(include_str!("python/payloads.py"), &[&table().to_string()]);
 }
 
 #[needs("program: c++")]

@@ -162,12 +162,6 @@ fn snake_motion_in_pictures_shows_their_delay() {
     let good = session.statistics().good;
     let found = alignment.measure();
     let found = found.unwrap_or_else(|| panic!("not seen in {good} of {number} pictures"));
-    println!(
-        "late {:.1} ms, found {:.1} ms, deviation {:.1} ms",
-        1e3 * LATE_S,
-        1e3 * found.seconds,
-        1e3 * found.deviation_s
-    );
     let quarter = 0.25 / FPS;
     assert!((found.seconds - LATE_S).abs() < quarter, "{found:?}");
     assert!(found.deviation_s < quarter, "{found:?}");

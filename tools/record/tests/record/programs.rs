@@ -175,6 +175,7 @@ fn report_accepts_complete_and_truncated_recordings() {
     assert_says(&format!("{}{}", cut.output, cut.error), &["not complete", "written"]);
     bench.write("cut.mcap", "no recording at all, whatever its name says");
     bench.fails("record report cut.mcap", &["cut.mcap"]);
+    bench.fails("record info cut.mcap", &["is not a recording"]);
 }
 
 #[test]
@@ -289,10 +290,4 @@ fn configuration_of_a_different_robot_is_refused() {
     let options = format!("--duration-s 0.2 --config {}", repository(EMULATOR).display());
     fails(&controller.domain, &words(&bench, &options), 1, &["i2ris-emulated"]);
     assert!(!bench.exists("trial.mcap"));
-}
-
-#[test]
-fn foreign_file_is_reported_as_not_a_recording() {
-    let bench = WorkFolder::with("trial.mcap", "t_s,q0_counts\n0,1\n");
-    bench.fails("record info trial.mcap", &["is not a recording"]);
 }

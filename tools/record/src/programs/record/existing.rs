@@ -20,7 +20,6 @@ use mcap::records::Record;
 
 use super::recording::CONNECT_TIMEOUT;
 
-/// Arguments of `i2ris record recover`.
 #[derive(Debug, clap::Args)]
 pub struct RecoverArguments {
     /// Truncated recording
@@ -30,7 +29,6 @@ pub struct RecoverArguments {
     output: PathBuf,
 }
 
-/// Arguments of `i2ris record info`.
 #[derive(Debug, clap::Args)]
 pub struct InfoArguments {
     /// Recording, complete or truncated
@@ -144,7 +142,6 @@ impl Content {
     }
 }
 
-/// Prints the content of a recording, or extracts it.
 pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
     if let Some(output) = &arguments.output {
         let extracted = extract(&arguments.recording, output)?;

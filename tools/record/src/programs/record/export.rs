@@ -13,7 +13,6 @@ use i2ris_report::{Failure, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
 
-/// Arguments of `i2ris record export`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Recordings, complete or truncated; folders of trials; or studies (all trials except aborted
