@@ -31,7 +31,7 @@ const STALL_TIMEOUT: Duration = Duration::from_secs(1);
 /// Poll period for the end.
 const POLL: Duration = Duration::from_millis(100);
 /// Results of one view that can wait for the other: more than a second of a camera.
-const QUEUE_LENGTH: usize = 64;
+const QUEUE_LENGTH: usize = 256;
 
 /// Measure angles in microscope images
 #[derive(Debug, clap::Parser)]
@@ -197,15 +197,15 @@ impl Run {
     fn go(&mut self) -> Result<(), Failure> {
         while let Some(view) = self.session.wanted() {
             match self.next(view) {
-                Next::ViewMessage(reported) => match *reported {
-                    Ok(result) => self.session.take(view, result),
-                    Err(error) => {
-                        self.failure.get_or_insert(error);
-                        self.session.end(view);
-                    }
-                },
+                Next::ViewMessage(reported) => self.take(view, *reported),
                 Next::Ended => self.session.end(view),
                 Next::Stalled => {
+                    // With a full queue, frames would wait before they are stamped, and seem new.
+                    for other in (0..self.views.len()).filter(|other| *other != view) {
+                        while let Ok(reported) = self.views[other].try_recv() {
+                            self.take(other, reported);
+                        }
+                    }
                     let rows = self.session.stalled(view, clock::now())?;
                     if !self.output.put(&rows)? {
                         return Ok(());
@@ -222,6 +222,16 @@ impl Run {
             }
         }
         Ok(())
+    }
+
+    fn take(&mut self, view: usize, reported: ViewMessage) {
+        match reported {
+            Ok(result) => self.session.take(view, result),
+            Err(error) => {
+                self.failure.get_or_insert(error);
+                self.session.end(view);
+            }
+        }
     }
 
     fn next(&self, view: usize) -> Next {

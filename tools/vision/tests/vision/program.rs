@@ -95,18 +95,21 @@ fn two_folders_become_angles_and_bad_files_gaps() {
 
 /// A stream of the first view alone, and a folder with its setup.
 fn stream(poses: usize) -> (WorkFolder, Vec<u8>) {
-    let (bench, rig) = (WorkFolder::empty(), rig());
-    let mut one = setup(&rig);
+    let (bench, mut one) = (WorkFolder::empty(), setup(&rig()));
     one.views.truncate(1);
     one.save(&bench.path("one.toml")).unwrap();
+    (bench, frames(0, poses))
+}
+
+fn frames(view: usize, poses: usize) -> Vec<u8> {
     let mut bytes = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".to_vec();
     for number in 0..poses as u64 {
         let angle = if number < REST { 0.0 } else { 0.2 };
         bytes.extend(b"FRAME\n");
         let pose = JointPose { pitch_rad: angle, yaw_rad: 0.0 };
-        bytes.extend(rig.render_views(pose, number)[0].data());
+        bytes.extend(rig().render_views(pose, number)[view].data());
     }
-    (bench, bytes)
+    bytes
 }
 
 #[test]
@@ -187,6 +190,27 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     let is_own = last.stamp_ns == before.0 + number * 1_000_000 && number < 29;
     assert!(is_own, "the frame's own stamp: {last:?}");
     assert_eq!(seen.last().unwrap().flags, 0, "an empty frame is reported to show nothing");
+}
+
+#[test]
+fn frames_do_not_wait_for_a_camera_that_stalls() {
+    const BOTH: usize = 7;
+    let (bench, begin) = (film(&[]), clock::now());
+    let (of_top, of_side) = (frames(0, BOTH + 10), frames(1, BOTH));
+    let mut top = fs::File::create(bench.path("top.y4m")).unwrap();
+    send_frames(&mut top, &of_top, begin, 1).unwrap();
+    let words = "--config vision.toml top.y4m - --rest-s 0.0055 --output angles.csv";
+    let mut child = vision(&bench, words).spawn().unwrap();
+    let mut side = child.stdin.take().unwrap();
+    send_frames(&mut side, &of_side, begin, 1).unwrap();
+    let is_stalled = |row: &Vec<String>| row.last().unwrap().contains("delivers nothing");
+    let before = wait_until("the stall is reported", || {
+        let csv = fs::read_to_string(bench.path("angles.csv")).unwrap_or_default();
+        rows(&csv).iter().position(is_stalled)
+    });
+    assert!(before > BOTH + 1, "the stall is reported after the other frames: {before}");
+    drop(side);
+    assert_success(&child.wait_with_output().unwrap());
 }
 
 #[test]
