@@ -106,9 +106,8 @@ const MAX_PIXELS: usize = 64 << 20;
 #[error("{0}")]
 pub struct DecodeError(String);
 
-/// Decodes the bytes of a PNG or JPEG file. Colours become brightness by the weights of ITU-R
-/// BT.601.
-/// A truncated file is an error, not an image with a grey rest.
+/// Decodes a PNG or JPEG file; colours become brightness by the weights of ITU-R BT.601. A
+/// truncated file is an error, not an image with a grey rest.
 pub fn decode(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => decode_png(bytes),

@@ -220,9 +220,8 @@ impl Stereo {
         Self { views: setup.views.iter().cloned().zip(rests.iter().copied()).collect() }
     }
 
-    /// Combines one reading per view.
-    ///
-    /// An error names the view with an impossible length of the fibre: it measured something else.
+    /// Combines one reading per view. An error names the view with an impossible length of the
+    /// fibre: it measured something else.
     pub fn solve(
         &self,
         readings: &[(&Reading, [usize; 2])],
@@ -274,7 +273,6 @@ pub enum RestPoseError {
     Moving { view: String, spread_deg: f64 },
 }
 
-/// Collects frames at rest.
 #[derive(Debug, Clone, Default)]
 pub struct RestPoseEstimator {
     frames: usize,
@@ -339,16 +337,12 @@ mod tests {
         }
     }
 
-    fn estimator(angles: impl IntoIterator<Item = f64>) -> RestPoseEstimator {
-        let mut estimator = RestPoseEstimator::default();
-        angles.into_iter().for_each(|angle| estimator.add(Some(&reading(angle, 0.9))));
-        estimator
-    }
-
     #[test]
     fn reference_ignores_outliers_and_reports_its_spread() {
         let angle = |i| if i % 10 == 0 { 20.0 } else { 1.5 + 0.02 * f64::from(i % 3 - 1) };
-        let rest = estimator((0..40).map(angle)).finish("top").unwrap();
+        let mut estimator = RestPoseEstimator::default();
+        (0..40).for_each(|i| estimator.add(Some(&reading(angle(i), 0.9))));
+        let rest = estimator.finish("top").unwrap();
         assert!((rest.angle_deg - 1.5).abs() < 0.021 && rest.spread_deg < 0.05, "{rest:?}");
         assert!((rest.length_px, rest.tip_px[0]) == (900.0, 600.0));
     }

@@ -50,23 +50,18 @@ pub enum EntrySide {
     Bottom,
 }
 
-/// Parameters of the detector. Lengths in pixels.
+/// Parameters of the detector: those of a [`View`](crate::setup::View), lengths in pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DetectorSettings {
-    /// The background of the fibre.
     pub ground: Background,
     pub side: EntrySide,
     /// Position along that side, and maximum distance from it, px. `None`: anywhere.
     pub near: Option<[f64; 2]>,
-    /// Thickness of the base and of the bending section.
     pub body_width: f64,
     /// Thickness of the fibre at the tip; at most that of the body.
     pub fibre_width: f64,
-    /// Length of the straight base that the image shows.
     pub base_length: f64,
-    /// Length of the bending section.
     pub arc_length: f64,
-    /// Length of the straight stretch at the tip.
     pub tip_length: f64,
 }
 

@@ -83,9 +83,8 @@ impl Raster {
                 let side = ux * py - uy * px;
                 let half = a[2] + (b[2] - a[2]) * clamped / length;
                 let (kept, is_at_end) = cut.kept([x, y]);
-                // At the end the rod is cut square, so only the distance from its middle line
-                // counts there.
-                // Without the overflow protection of `hypot`, which takes most time of an image.
+                // At its end, cut square, only the distance from the middle line counts. Without
+                // the overflow protection of `hypot`, which takes most time of an image.
                 let (off_x, off_y) = (px - clamped * ux, py - clamped * uy);
                 let distance =
                     if is_at_end { side.abs() } else { (off_x * off_x + off_y * off_y).sqrt() };

@@ -92,14 +92,9 @@ fn assert_gaps(rig: &Rig, items: [Vec<Frame>; 2], gaps: usize, cause: FrameFault
 }
 
 #[test]
-fn clear_frames_of_two_views_give_both_angles() {
-    let rig = rig();
-    assert_gaps(&rig, film(&rig), 0, FrameFault::NoPicture);
-}
-
-#[test]
 fn cameras_that_are_turned_and_reversed_give_the_same_angles() {
     let mut rig = rig();
+    assert_gaps(&rig, film(&rig), 0, FrameFault::NoPicture);
     // The first shows yaw with a turn, the second pitch the other way round.
     rig.cameras[0].plane_rad = f64::to_radians(97.0);
     rig.cameras[1].plane_rad = f64::to_radians(176.0);
