@@ -155,25 +155,17 @@ pub struct Peer {
 impl Peer {
     pub fn new(ros_domain: u16, robot: &str, name: &str) -> Self {
         let (context, mut node) = i2ris_ros::join(ros_domain, &[], name).unwrap();
-        let joints = [
-            "servo_jp",
-            "servo_jr",
-            "servo_jv",
-            "interpolate_jp",
-            "move_jp",
-            "move_jr",
-            "external/measured_jp",
-        ];
-        let volatile = qos(Durability::Volatile);
-        let joints = joints.map(|topic| {
-            let publisher = publisher::<JointState>(&mut node, robot, topic, &volatile);
-            (topic, publisher)
-        });
+        let topics =
+            "servo_jp servo_jr servo_jv interpolate_jp move_jp move_jr external/measured_jp";
+        let (volatile, mut joints) = (qos(Durability::Volatile), BTreeMap::new());
+        for topic in topics.split(' ') {
+            joints.insert(topic, publisher(&mut node, robot, topic, &volatile));
+        }
         let latched = qos(Durability::TransientLocal);
         let texts = ["error", "warning", "status"]
             .map(|topic| (topic, subscription::<Text>(&mut node, robot, topic, &latched)));
         Self {
-            joints: joints.into(),
+            joints,
             state_command: publisher(&mut node, robot, "state_command", &latched),
             hold: publisher(&mut node, robot, "hold", &volatile),
             measured: subscription(&mut node, robot, "measured_js", &volatile),
@@ -384,8 +376,4 @@ pub fn repeat(times: u32, period_ms: u64, mut send: impl FnMut(u32)) {
         send(number);
         clock::sleep(Nanos::from_millis(period_ms));
     }
-}
-
-pub fn unix_ns() -> u64 {
-    i2ris::wall_clock::unix_time().0
 }

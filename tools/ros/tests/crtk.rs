@@ -13,13 +13,13 @@ use i2ris_testing::wait_until;
 use ros2_client::qos::Durability;
 use ros2_client::{Message, Name, ServiceMapping, ServiceTypeName, Subscription};
 
-use crate::common::{Peer, ROBOT, enabled, qos, repeat, start, unix_ns};
+use crate::common::{Peer, ROBOT, enabled, qos, repeat, start};
 
 #[test]
 fn repeated_state_command_republishes_state() {
     let (_robot, bridge, mut peer) = enabled();
     for word in ["enable", "resume", "home", "pause", "pause", "disable", "disable"] {
-        let sent = unix_ns();
+        let sent = i2ris::wall_clock::unix_time().0;
         peer.command(word);
         peer.wait_for(word, |state| state.header.stamp.unix_ns() > Some(sent));
         let state = if word == "pause" { "PAUSED" } else { "ENABLED" };

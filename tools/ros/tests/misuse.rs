@@ -13,8 +13,7 @@ use nix::sys::signal::Signal;
 use ros2_client::qos::Durability;
 
 use crate::common::{
-    Bridge, Peer, ROBOT, enabled, publisher_as, qos, repeat, robot, ros_domain, start, unix_ns,
-    wait_for,
+    Bridge, Peer, ROBOT, enabled, publisher_as, qos, repeat, robot, ros_domain, start, wait_for,
 };
 
 fn swing(t: f64) -> [f64; 2] {
@@ -85,7 +84,7 @@ fn h24_a_state_command_with_an_old_stamp_is_refused() {
     peer.connect();
     peer.wait_for("a robot that waits", |state| !state.is_busy);
     for seconds in [60, 3] {
-        let header = Header::new(unix_ns() - seconds * 1_000_000_000, "");
+        let header = Header::new(i2ris::wall_clock::unix_time().0 - seconds * 1_000_000_000, "");
         peer.send_state_command(StringStamped { header, string: "home".to_owned() });
     }
     peer.wait_for_line("warning", "stored for late joiners");
@@ -179,6 +178,13 @@ fn two_publishers_in_one_process_are_two_clients() {
         (t < 1.0).then(|| swing(t))
     });
     peer.wait_for_line("warning", "another client holds the lease");
+    // A third one has the place of the previous third one, however often it is opened.
+    for _ in 0..4 {
+        let third = peer.publisher("servo_jp");
+        let there = || JointState { position: vec![0.0; 2], ..JointState::default() };
+        repeat(30, 50, |_| third.publish(there()).unwrap());
+    }
+    assert_eq!(peer.line("warning", "too many publishers"), None);
 }
 
 #[test]

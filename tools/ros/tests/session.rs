@@ -15,7 +15,7 @@ use ros2_client::qos::Durability;
 
 use crate::common::{
     Bridge, Peer, ROBOT, enabled, publisher, qos, repeat, robot, ros_domain, start, start_with,
-    subscription, unix_ns, wait_for,
+    subscription, wait_for,
 };
 
 fn stamp(state: &OperatingState) -> u64 {
@@ -202,7 +202,7 @@ fn a_camera_of_ros_feeds_the_controller() {
     peer.connect();
     let mut seen = robot.client().watcher().external();
     let found = wait_until("a measurement", || {
-        let header = Header::new(unix_ns() - 30_000_000, "");
+        let header = Header::new(i2ris::wall_clock::unix_time().0 - 30_000_000, "");
         let position = vec![0.02, -0.01];
         let message = JointState { header, position, ..JointState::default() };
         peer.send_message("external/measured_jp", message);

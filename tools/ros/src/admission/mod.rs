@@ -266,9 +266,8 @@ impl Admission {
     }
 
     pub fn camera(&mut self, writer: Writer, count: u32, times: &Times) -> Result<(), Reason> {
-        let now = times.arrived;
-        let peer = self.peer(writer.participant(), now);
-        peer.client(writer, Topic::External)?.flood.check(count, now)
+        let peer = self.peer(writer.participant(), times.arrived);
+        peer.client(writer, Topic::External)?.flood.check(count, times.arrived)
     }
 
     pub fn client_id(&mut self, writer: Writer, topic: Topic, now: Nanos) -> Option<u64> {
@@ -278,9 +277,16 @@ impl Admission {
 
     /// Forgets a participant that is gone or was silent for long: its next message may be stored.
     pub fn lost(&mut self, participant: Participant) {
-        if let Some((_, peer)) = self.peers.get_mut(&participant) {
-            for client in &mut peer.clients {
-                client.has_begun = [false; 2];
+        let Some((_, peer)) = self.peers.get_mut(&participant) else { return };
+        peer.clients.iter_mut().for_each(|client| client.has_begun = [false; 2]);
+    }
+
+    /// Frees the places of a closed publisher; the first message of the next one may be stored.
+    pub fn closed(&mut self, writer: Writer) {
+        let Some((_, peer)) = self.peers.get_mut(&writer.participant()) else { return };
+        for client in &mut peer.clients {
+            for place in client.writers.iter_mut().filter(|place| **place == Some(writer)) {
+                (*place, client.has_begun) = (None, [false; 2]);
             }
         }
     }

@@ -193,6 +193,19 @@ fn first_message_of_a_returning_client_is_refused() {
     assert!(servo(&mut admission, one, 30_000, 30_000).is_ok());
 }
 
+#[test]
+fn a_publisher_that_is_opened_again_has_the_place_of_the_closed_one() {
+    let mut admission = listening(0);
+    let first = admission.client_id(writer(1, 0), Topic::ServoJp, times(0, 0).arrived);
+    for entity in 0..10 {
+        let (one, at) = (writer(1, entity), 100 * u64::from(entity));
+        assert_eq!(servo(&mut admission, one, at, at), Err(Reason::FirstOfStream));
+        let live = servo(&mut admission, one, at + 10, at + 10).unwrap();
+        assert_eq!(Some(live.client_id), first, "{entity}");
+        admission.closed(one);
+    }
+}
+
 fn share_taken(per_second: u64, seconds: u64) -> f64 {
     let (mut flood, total) = (Flood::default(), per_second * seconds);
     let at = |place: u64| Nanos(1 + place * 1_000_000_000 / per_second);

@@ -12,7 +12,7 @@ use rustdds::{
 
 use super::{Shared, writer};
 use crate::RosError;
-use crate::admission::{Participant, Writer};
+use crate::admission::{Admission, Participant, Writer};
 use crate::event::Event;
 use crate::message::Inputs;
 use crate::participant::NODE;
@@ -55,8 +55,8 @@ impl Graph {
         known.unwrap_or_else(|| format!("participant {participant}"))
     }
 
-    /// Processes new events. `lost` is called for participants that left.
-    pub fn update(&mut self, mut lost: impl FnMut(Participant)) {
+    /// Processes new events; `admission` forgets who left.
+    pub fn update(&mut self, mut admission: Option<&mut Admission>) {
         // Undecodable announcements are not ours.
         while let Ok(Some((info, _))) = self.nodes.take() {
             let names: Vec<String> =
@@ -66,12 +66,12 @@ impl Graph {
             }
         }
         while let Some(event) = self.status.try_recv_status() {
-            self.take(event, &mut lost);
+            self.take(event, admission.as_deref_mut());
         }
     }
 
-    fn take(&mut self, event: Status, lost: &mut impl FnMut(Participant)) {
-        let events = &self.shared.events;
+    fn take(&mut self, event: Status, admission: Option<&mut Admission>) {
+        let Shared { events, robot, state_writer, .. } = &self.shared;
         match event {
             Status::ParticipantDiscovered { dpd } => {
                 let participant = Writer(dpd.guid.to_bytes()).participant();
@@ -82,17 +82,21 @@ impl Graph {
                 }
             }
             Status::ParticipantLost { id, .. } => {
-                let mut guid = GUID::from_bytes([0; 16]);
-                guid.prefix = id;
-                let participant = Writer(guid.to_bytes()).participant();
-                lost(participant);
+                let any = GUID { prefix: id, ..GUID::from_bytes([0; 16]) };
+                let participant = Writer(any.to_bytes()).participant();
+                if let Some(admission) = admission {
+                    admission.lost(participant);
+                }
                 if let Some(name) = self.names.remove(&participant) {
                     events.report(Event::Status(format!("{name} is gone")));
                 }
             }
-            Status::RemoteReaderMatched { local_writer, .. }
-                if local_writer == self.shared.state_writer =>
-            {
+            Status::WriterLost { guid, .. } => {
+                if let Some(admission) = admission {
+                    admission.closed(Writer(guid.to_bytes()));
+                }
+            }
+            Status::RemoteReaderMatched { local_writer, .. } if local_writer == *state_writer => {
                 events.report(Event::ReaderFound);
             }
             Status::RemoteWriterQosIncompatible {
@@ -108,11 +112,7 @@ impl Graph {
                 ..
             } => self.say_mismatch(remote_reader, "wants", &requested_qos, &offered_qos),
             Status::WriterDetected { writer }
-                if !Inputs::is_own_type(
-                    &self.shared.robot,
-                    &writer.topic_name,
-                    &writer.type_name,
-                ) =>
+                if !Inputs::is_own_type(robot, &writer.topic_name, &writer.type_name) =>
             {
                 let name = self.name(Writer(writer.guid.to_bytes()));
                 events.report(Event::Warning(format!(

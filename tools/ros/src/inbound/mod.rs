@@ -110,12 +110,7 @@ impl Inbound {
                 commands.take_all(&self.graph);
             }
             // After the commands: nothing may delay them.
-            let commands = &mut self.commands;
-            self.graph.update(|participant| {
-                if let Some(commands) = commands {
-                    commands.admission.lost(participant);
-                }
-            });
+            self.graph.update(self.commands.as_mut().map(|commands| &mut commands.admission));
             self.answer();
         }
     }
