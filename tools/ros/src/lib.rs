@@ -89,11 +89,13 @@ pub fn run(
     };
     let inbound = Inbound::new(&context, &mut node, inputs, services, shared)?;
     let outbound = Outbound::new((outputs, node), options, (receiver, names), state);
-    let users = match options.read_only {
-        true => "read-only",
-        false => "every user of this computer can command",
+    let all = "every user of this computer can command";
+    let users = if options.read_only { "read-only" } else { all };
+    let networks: Vec<String> = network.iter().map(IpAddr::to_string).collect();
+    let reach = match networks.is_empty() {
+        true => "on this computer only".to_owned(),
+        false => format!("in the network {}", networks.join(", ")),
     };
-    let reach = reach(network);
     say(&format!("/{robot} is in ROS domain {ros_domain}, {reach}, {users}; Ctrl-C to stop"));
     let ended = AtomicBool::new(false);
     thread::scope(|scope| {
@@ -116,14 +118,6 @@ pub fn robot_name(text: &str) -> Result<String, String> {
     } else {
         Err("must be letters, digits and single _, beginning with a letter".to_owned())
     }
-}
-
-fn reach(networks: &[IpAddr]) -> String {
-    if networks.is_empty() {
-        return "on this computer only".to_owned();
-    }
-    let networks: Vec<String> = networks.iter().map(IpAddr::to_string).collect();
-    format!("in the network {}", networks.join(", "))
 }
 
 #[derive(Debug, thiserror::Error)]

@@ -129,7 +129,8 @@ fn services_answer_as_cyclone_dds_asks() {
 fn campaign_a_kilohertz_without_gaps_and_with_flat_memory() {
     let (_robot, bridge, mut command) = meet(&["--rate-hz", "1000"]);
     let seconds = std::env::var("I2RIS_SOAK_S").map_or(60, |seconds| seconds.parse().unwrap());
-    command.args(["-c", &format!("SECONDS = {seconds}\n{KILOHERTZ}")]);
+    let script = include_str!("python/kilohertz.py");
+    command.args(["-c", &format!("SECONDS = {seconds}\n{script}")]);
     let child = command.stdout(Stdio::piped()).spawn().unwrap();
     let (mut memory, start) = (Vec::new(), clock::now());
     while (clock::now() - start).as_seconds() < f64::from(seconds) + 10.0 {
@@ -143,8 +144,3 @@ fn campaign_a_kilohertz_without_gaps_and_with_flat_memory() {
     let (early, late) = (memory[2], memory[memory.len() - 2]);
     assert!(late < early + 4096, "memory grows: {memory:?}");
 }
-
-/// Watches `measured_js` at 1 kHz and sends commands at 1 kHz. Lost: samples that the reader
-/// missed. Steps: between the stamps of two samples; the sender publishes by its own clock, so an
-/// estimate can be repeated or skipped. Without one, as after a fault, the stamp is 0.
-const KILOHERTZ: &str = include_str!("python/kilohertz.py");
