@@ -175,7 +175,7 @@ pub enum Reason {
     Old { apart: Nanos, future: bool },
     #[error(
         "it arrived {:.1} s later than the quickest one: its program or the middleware became \
-         slow, or the clock was set; send `hold` to start over, or restart its program",
+         slow, or the clock was set; send `hold`; if it stays so, restart its program",
         .0.as_seconds()
     )]
     Late(Nanos),
