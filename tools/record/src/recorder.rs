@@ -279,7 +279,7 @@ impl TrialRecorder {
             attach(&mut file, attachments, self.standard.unix_offset_ns)?;
             file.write_metadata(&Metadata { name: OUTCOME.to_owned(), metadata: outcome })?;
             file.finish()?;
-            // It is reported as complete after this. A failure does not count, as in `write_messages`.
+            // Before it is reported as complete. A failure does not count, as in `write_messages`.
             let _ = file.into_inner().get_ref().sync_all();
             Ok(())
         };
