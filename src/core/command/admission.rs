@@ -18,7 +18,7 @@
 //! |   | and is not held | `StreamInterrupted` | `authority` |
 //! | 10 | sequence above the client's last accepted one, | `Sequence` | `client_stream` |
 //! |   | and stamp not before it | `Stamp` | `client_stream` |
-//! |   | counts: no virtual fixture counts | `Fixture` | `cycle/commands` |
+//! |   | counts: no virtual fixture is active | `Fixture` | `cycle/commands` |
 //! | 11 | a model; for rates and places: of angles | `NoModel`, `Unsupported` | `range_check` |
 //! | 12 | number of entries as the model or the motors have | `Malformed` | `range_check` |
 //! | 13 | counts: within the position limits of the axes | `Range` | `range_check` |

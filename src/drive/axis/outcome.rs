@@ -31,7 +31,8 @@ impl AxisStateMachine {
         events: EventSink<'_>,
     ) {
         // A write without a reply may have arrived.
-        self.settings_changed |= matches!(transfer, Transfer::Set(_));
+        let is_refused = matches!(outcome, Err(LinkError::Refused(it)) if it != AbortCode::NO_NODE);
+        self.settings_changed |= matches!(transfer, Transfer::Set(_)) && !is_refused;
         match outcome {
             Ok(reply) => {
                 self.unanswered = 0;
