@@ -46,9 +46,7 @@ impl ConsoleLog {
     }
 
     fn send(&mut self, line: Vec<u8>) {
-        let Some(lines) = &self.lines else {
-            return;
-        };
+        let Some(lines) = &self.lines else { return };
         if self.lost > 0 {
             let note = format!("{} log lines were lost here\n", self.lost);
             match lines.try_send(note.into_bytes()) {

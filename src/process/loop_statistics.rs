@@ -112,9 +112,7 @@ impl Spans {
     }
 
     fn take(&mut self) -> SpanSummary {
-        let Some(histogram) = &mut self.0 else {
-            return SpanSummary::default();
-        };
+        let Some(histogram) = &mut self.0 else { return SpanSummary::default() };
         let summary = SpanSummary {
             p50_ns: histogram.value_at_quantile(0.5),
             p90_ns: histogram.value_at_quantile(0.9),

@@ -77,9 +77,7 @@ impl RunLog {
     }
 
     fn write(&mut self, event: &str, fields: Value) -> io::Result<()> {
-        let Some(file) = &mut self.file else {
-            return Ok(());
-        };
+        let Some(file) = &mut self.file else { return Ok(()) };
         let run = format!("{:016x}", self.boot_id);
         let time = wall_clock::now().to_string();
         let line = merge(json!({ "run": run, "time": time, "event": event }), fields);

@@ -56,9 +56,7 @@ impl HeartbeatMonitor {
     pub(crate) fn lost_ports(&mut self, now: Nanos) -> [Option<Nanos>; MAX_AXES] {
         let beat = self.last.map(|last| last.heartbeat);
         let is_watched = |beat: &Heartbeat| !beat.off && now - beat.stamp <= self.silence;
-        let Some(beat) = beat.filter(is_watched) else {
-            return [None; MAX_AXES];
-        };
+        let Some(beat) = beat.filter(is_watched) else { return [None; MAX_AXES] };
         let has_port: [bool; MAX_AXES] =
             std::array::from_fn(|port| self.has_port(port, &beat, now));
         let silent = has_port.map(|has_port| !has_port);

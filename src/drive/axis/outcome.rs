@@ -10,6 +10,7 @@ use crate::drive::event::{PortEventKind, TransitionError};
 use crate::drive::family::SetpointTrigger;
 use crate::drive::link::TimedReply;
 use crate::drive::object::{AbortCode, Value};
+use crate::robot::AxisPhase;
 use crate::units::{Counts, Nanos};
 
 /// How long the drive may take to leave the fault state.
@@ -206,10 +207,14 @@ impl AxisStateMachine {
     }
 
     /// The power is off. Settings that homing changed and did not restore are restored by the port
-    /// thread: it brings a lost axis up again.
+    /// thread: it brings a lost axis up again. One that answers is not lost for the controller.
     fn enter_off(&mut self, events: EventSink<'_>) {
-        let state = if self.settings_changed { AxisState::Lost } else { AxisState::Disabled };
-        self.enter(state, events);
+        if self.settings_changed {
+            self.enter(AxisState::Lost, events);
+            self.feedback.phase = AxisPhase::Starting;
+        } else {
+            self.enter(AxisState::Disabled, events);
+        }
     }
 
     fn advance(&mut self, transfer: Transfer, raw: u32, now: Nanos, events: EventSink<'_>) {

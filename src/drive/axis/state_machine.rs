@@ -222,7 +222,12 @@ impl AxisStateMachine {
 
     /// Power of the drive as known if it answers now.
     pub(in crate::drive) fn power(&self) -> DrivePower {
-        if self.answers() { self.feedback.power(Nanos::ZERO) } else { DrivePower::NotKnown }
+        match self.feedback.phase {
+            // It was switched off, and its settings were not restored yet: see `enter_off`.
+            AxisPhase::Starting if self.is_lost() && self.unanswered == 0 => DrivePower::Off,
+            _ if self.answers() => self.feedback.power(Nanos::ZERO),
+            _ => DrivePower::NotKnown,
+        }
     }
 
     pub(super) fn drive_state(&self) -> Option<DriveState> {

@@ -265,6 +265,7 @@ mod tests {
 
     #[test]
     fn the_undefined_upper_bytes_of_a_short_read_are_truncated() {
+        assert_eq!((u16::from_raw(0xDEAD_0237), i8::from_raw(0x1234_56FF)), (0x0237, -1));
         assert_eq!(MODE.address().truncate(0x1234_5608), 8);
         assert_eq!(STATUSWORD.address().truncate(0xFFFF_0040), 0x40);
         assert_eq!(TARGET.address().truncate(0xFFFF_FFFF), 0xFFFF_FFFF);
@@ -276,6 +277,7 @@ mod tests {
         assert_eq!(current.signed(0xABCD_FFF6), -10);
         assert_eq!(current.signed(0x1234_0010), 16);
         assert_eq!(POSITION.address().signed(0xFFFF_FFFE), -2);
+        assert_eq!((MODE.set(-1).raw, TARGET.set(-3988).raw), (0xFF, 0xFFFF_F06C));
     }
 
     #[test]

@@ -89,9 +89,7 @@ impl LiveFiles {
 
     /// After an error, for example a full tmpfs, the next snapshot begins a new file.
     fn write(&mut self, record: &Record) {
-        let Some(file) = &mut self.file else {
-            return;
-        };
+        let Some(file) = &mut self.file else { return };
         let written = postcard::to_allocvec(record).is_ok_and(|bytes| {
             let length = (bytes.len() as u32).to_le_bytes();
             file.write_all(&length).is_ok() && file.write_all(&bytes).is_ok()

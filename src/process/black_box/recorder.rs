@@ -343,9 +343,7 @@ fn written(path: &Path) -> Option<String> {
 /// Removes the oldest black boxes of a folder beyond a number, but never the newest one. If the
 /// clock was set back, files with a later time than the newest one are the oldest.
 fn remove_oldest(folder: &Path, keep: usize, newest: &Path) {
-    let Ok(entries) = fs::read_dir(folder) else {
-        return;
-    };
+    let Ok(entries) = fs::read_dir(folder) else { return };
     let paths = entries.flatten().map(|entry| entry.path());
     let mut boxes: Vec<PathBuf> = paths.filter(|path| written(path).is_some()).collect();
     let last = written(newest);
