@@ -82,9 +82,8 @@ fn stop_one(name: &str) -> Result<String, Coded> {
     match stopped() {
         Ok(stopped) => confirmed(stopped),
         Err(failure) => {
-            let sentence =
-                format!("NOT CONFIRMED to be stopped: {failure}; cut the power if in doubt");
-            Err(Coded { code: exit::code(&failure), sentence })
+            let text = format!("NOT CONFIRMED to be stopped: {failure}; cut the power if in doubt");
+            Err(Coded { code: exit::code(&failure), sentence: text })
         }
     }
 }

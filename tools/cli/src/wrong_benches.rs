@@ -100,9 +100,8 @@ fn output_of(of: &str, bench: &str) -> [String; 2] {
 
 fn masked(text: &str) -> String {
     let text = text.replace('|', "/").replace('\n', " ");
-    let is_path = |word: &&str| word.contains("/tmp/");
-    let words = text.split_whitespace().map(|word| if is_path(&word) { "DEVICE" } else { word });
-    words.collect::<Vec<_>>().join(" ")
+    let shown = |word| if str::contains(word, "/tmp/") { "DEVICE" } else { word };
+    text.split_whitespace().map(shown).collect::<Vec<_>>().join(" ")
 }
 
 #[test]

@@ -11,6 +11,7 @@ use i2ris::units::Nanos;
 use i2ris_report::{Failure, bail};
 use i2ris_teleop::clutch::Open;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::sys::termios::SpecialCharacterIndices::{VQUIT, VSUSP};
 use nix::sys::termios::{LocalFlags, OutputFlags, SetArg, Termios};
 use nix::sys::termios::{cfmakeraw, tcgetattr, tcsetattr};
 
@@ -39,6 +40,8 @@ impl Keyboard {
         cfmakeraw(&mut modes);
         // Printed lines still start at the left, and Ctrl-C also ends what runs before keys are read.
         modes.local_flags |= LocalFlags::ISIG;
+        modes.control_chars[VQUIT as usize] = 0;
+        modes.control_chars[VSUSP as usize] = 0;
         modes.output_flags |= OutputFlags::OPOST | OutputFlags::ONLCR;
         tcsetattr(&terminal, SetArg::TCSANOW, &modes)?;
         Ok(Self { keys: Keys::default(), terminal, modes_before })

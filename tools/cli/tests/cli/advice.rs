@@ -160,17 +160,16 @@ fn made(bench: &WorkFolder, domain: &Domain, row: &str) -> Result<String, String
     let [what, command, shown, code] = cells.split(" | ").collect::<Vec<_>>()[..] else {
         panic!("{row}")
     };
-    let folder = bench.file("");
-    let folder = folder.trim_end_matches('/');
+    let folder = bench.file("").trim_end_matches('/').to_owned();
     let words = command.trim_matches('`').trim_start_matches("i2ris ");
-    let result = run(domain, &words.replace("FOLDER", folder));
+    let result = run(domain, &words.replace("FOLDER", &folder));
     let message = result.error.lines().find_map(|line| line.strip_prefix("error: "));
     if result.code != code.parse().ok() || message.is_none() {
         return Err(format!("{what}: {:?}, not {code}\n{}", result.code, result.error));
     }
     // Other tests serve separate domains.
     let message = message.and_then(|it| it.split(" (served: ").next()).unwrap_or_default();
-    let message = message.replace(folder, "FOLDER").replace(domain.name(), "DOMAIN");
+    let message = message.replace(&folder, "FOLDER").replace(domain.name(), "DOMAIN");
     let message = message.replace('|', "\\|");
     let is_same = shown.split(' ').count() == message.split(' ').count()
         && shown.split(' ').zip(message.split(' ')).all(|(shown, word)| is_like(shown, word));
