@@ -121,9 +121,9 @@ class CameraClock:
         stamp_ns = arrived_ns
         if self.cause is None:
             of_driver = round(self._capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6)
-            # Later ones are compared with the previous one: a frame that waited for this process has the same clock.
-            reference_ns = arrived_ns if self._last is None else self._last
-            if reference_ns - OLDEST_NS <= of_driver <= arrived_ns:
+            # A frame that waited for this process is old, but later than the previous one.
+            has_advanced = self._last is not None and self._last < of_driver
+            if of_driver <= arrived_ns and (has_advanced or arrived_ns - of_driver <= OLDEST_NS):
                 stamp_ns = of_driver
             else:
                 self.cause = "the stamps of the driver are from a different clock"
