@@ -25,6 +25,7 @@ pub(super) struct Graph {
     status: DomainParticipantStatusListener,
     nodes: Subscription<ParticipantEntitiesInfo>,
     names: BTreeMap<Participant, String>,
+    closed: Vec<Writer>,
     shared: Shared,
 }
 
@@ -44,6 +45,7 @@ impl Graph {
             status: context.domain_participant().status_listener(),
             nodes,
             names: BTreeMap::new(),
+            closed: Vec::new(),
             shared: shared.clone(),
         })
     }
@@ -57,6 +59,10 @@ impl Graph {
 
     /// Processes new events; `admission` forgets who left.
     pub fn update(&mut self, mut admission: Option<&mut Admission>) {
+        // Only now: the last messages of a publisher may come after the news of its end.
+        for writer in std::mem::take(&mut self.closed) {
+            admission.iter_mut().for_each(|admission| admission.closed(writer));
+        }
         // Undecodable announcements are not ours.
         while let Ok(Some((info, _))) = self.nodes.take() {
             let names: Vec<String> =
@@ -91,11 +97,7 @@ impl Graph {
                     events.report(Event::Status(format!("{name} is gone")));
                 }
             }
-            Status::WriterLost { guid, .. } => {
-                if let Some(admission) = admission {
-                    admission.closed(Writer(guid.to_bytes()));
-                }
-            }
+            Status::WriterLost { guid, .. } => self.closed.push(Writer(guid.to_bytes())),
             Status::RemoteReaderMatched { local_writer, .. } if local_writer == *state_writer => {
                 events.report(Event::ReaderFound);
             }
