@@ -18,7 +18,7 @@ const CONNECT: Nanos = Nanos::from_millis(500);
 nothing moves. Prints what it stopped and the resulting state. The drives stay on: `i2ris \
 disable` switches them off. It does not replace a switch that cuts the power.
 
-Without --domain and I2RIS_DOMAIN it stops every robot of this user: no choice in an emergency.
+Without --domain and I2RIS_DOMAIN it stops every robot of this user: nothing to choose.
 For robots of other users, visible to root, it prints the command that stops them."
 )]
 pub struct Arguments {

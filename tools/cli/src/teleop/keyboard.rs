@@ -38,7 +38,7 @@ impl Keyboard {
         let modes_before = tcgetattr(&terminal)?;
         let mut modes = modes_before.clone();
         cfmakeraw(&mut modes);
-        // Printed lines still start at the left, and Ctrl-C also ends what runs before keys are read.
+        // Lines still start at the left. Ctrl-C also ends what runs before keys are read.
         modes.local_flags |= LocalFlags::ISIG;
         modes.control_chars[VQUIT as usize] = 0;
         modes.control_chars[VSUSP as usize] = 0;

@@ -51,7 +51,7 @@ fn second_day_resumes_with_the_model_of_the_first() {
     ];
     let mut result = run(&domain, &words);
     assert_says(&result.output, &steps);
-    // The snake does not follow while its emulated drives stall; the same command repeats the check.
+    // The snake does not follow while its drives stall; the same command repeats the check.
     if result.error.contains("tracking error") {
         result = run(&domain, &words);
     }
