@@ -33,6 +33,9 @@ const USB: Nanos = Nanos::from_millis(2);
 /// Additional time of a request over a gateway's CAN bus, there and back.
 const GATEWAY: Nanos = Nanos::from_micros(600);
 
+/// Longer than computed, in an exchange that is delayed.
+const DELAY: Nanos = Nanos::from_millis(2);
+
 /// Maximum wait for a reply that does not count as loss of feedback.
 const MAX_REPLY_WAIT: Nanos = Nanos::from_millis(20);
 
@@ -60,6 +63,12 @@ impl PortConfig {
     pub fn nominal_exchange(&self) -> Nanos {
         let baud = u64::from(self.baud.max(1));
         (Nanos(BITS * 1_000_000_000 / baud) + DRIVE).max(USB)
+    }
+
+    /// An exchange takes so much longer than computed that something delays it, most likely the
+    /// latency timer of an FTDI adapter.
+    pub fn is_delayed(&self, exchange: Nanos) -> bool {
+        exchange > self.nominal_exchange() + DELAY
     }
 
     /// Greatest age of the newest position of an axis while every reply arrives. `exchange`: with

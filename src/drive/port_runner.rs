@@ -40,10 +40,6 @@ const LOST_TURN: Nanos = Nanos::from_millis(10);
 /// How long the drives may take to switch off when the thread ends.
 const SHUTDOWN_TIMEOUT: Nanos = Nanos::from_millis(3000);
 
-/// An exchange that takes this much longer than computed is delayed, most likely by the latency
-/// timer of an FTDI adapter.
-const DELAY: Nanos = Nanos::from_millis(2);
-
 /// A request of the control loop to an axis. The controller uses a type that only its gate creates;
 /// a bench with drives alone uses the plain request.
 pub trait PortRequest: Copy + Default + Send + Into<AxisRequest> {}
@@ -218,7 +214,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         let runner = Self {
             link,
             line: LineUse::new(slots.len()),
-            delayed: (exchange > port.nominal_exchange() + DELAY).then_some(exchange),
+            delayed: port.is_delayed(exchange).then_some(exchange),
             slots,
             gateway_lost: false,
             positions_file: port.positions_file.clone(),

@@ -62,7 +62,7 @@ impl Measurement {
 
     /// Creates an age or a duration with its limit.
     #[must_use]
-    pub fn from_age(age: Nanos, limit: Nanos) -> Self {
+    pub(crate) fn from_age(age: Nanos, limit: Nanos) -> Self {
         let ms = |span: Nanos| span.as_seconds() * 1e3;
         Self::new(Quantity::Milliseconds, ms(age), Some(ms(limit)))
     }

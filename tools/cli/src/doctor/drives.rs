@@ -10,7 +10,7 @@ use i2ris::drive::inspect::{Inspection, inspect};
 use i2ris::drive::survey::{FoundNode, answering_rate, nodes};
 use i2ris::drive::{DriveError, latency_timer};
 use i2ris::drive::{cia402::DriveState, object::Address};
-use i2ris::units::{AUXILIARY, MAX_AXES, Nanos};
+use i2ris::units::{AUXILIARY, MAX_AXES};
 use i2ris::{model::Model, robot::DriveFingerprint};
 use i2ris_report::{DomainOption, Failure, bail, while_working};
 use i2ris_simulation::drive::{self, DeviceFile};
@@ -146,8 +146,6 @@ pub fn of_device(file: &DeviceFile) -> DriveFingerprint {
     }
 }
 
-/// Something delays an exchange that takes this much longer than computed.
-const DELAY: Nanos = Nanos::from_millis(2);
 /// Supply voltages that a small drive should see, volts.
 const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.0..=50.0;
 const MAX_NAMED: usize = 3;
@@ -164,7 +162,7 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
     match inspect(port) {
         Ok(seen) => {
             let found = format!("answers; {}", port.describe_line(seen.exchange));
-            if seen.exchange > port.nominal_exchange() + DELAY {
+            if port.is_delayed(seen.exchange) {
                 let shorten = latency_timer::command(&port.device);
                 report.warn(name, found, format!("run `{shorten}`, and connect without a hub"));
             } else {
