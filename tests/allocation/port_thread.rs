@@ -107,7 +107,7 @@ fn real_port_with_timeouts_does_not_allocate() {
         device: emulator.device(0).to_owned(),
         family: Family::Epos2,
         baud: 1_000_000,
-        reply_timeout_ms: 50,
+        reply_timeout_ms: 300,
         ..port_config(&[drive])
     };
     let (mut runner, mut links) = Port::open(&config).unwrap().bring_up().unwrap().split();

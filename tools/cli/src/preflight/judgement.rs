@@ -170,7 +170,7 @@ fn judge_computer(measured: &Measured, report: &mut Report) {
     for (device, ages_s) in &measured.lines {
         let [age, longest] = ages_s.map(|age| age * 1e3);
         let ages = format!("positions are {age:.0} ms old; at most {longest:.0} expected");
-        let fix = "check the latency timer of its adapter: `i2ris doctor`";
+        let fix = "check the latency timer of its adapter (`i2ris doctor`), and end other programs";
         check(report, "line", age <= longest, format!("{device}: {ages}"), fix);
     }
     let [requested, granted] = measured.priority;

@@ -49,7 +49,7 @@ fn asked(domain: &Domain, answer: &str, outcome: &str) {
         let mut terminal = Terminal::start(domain, &["preflight"], 50, 160);
         terminal.wait_for("one hand on the switch");
         terminal.type_keys("yes\n");
-        terminal.wait(asks, |text| text.contains(asks) || text.contains("refuses every command"));
+        terminal.wait(asks, |text| text.contains(asks) || text.contains("error: "));
         terminal
     });
     let mut terminal = terminal.find(|it| it.screen.screen().contents().contains(asks)).unwrap();

@@ -230,6 +230,7 @@ impl Whole {
         let folder = self.rig.folder.path();
         self.rig.config.control.model = model.map(|name| folder.join(name));
         self.rig.start_controller_thread();
+        drop(self.rig.client());
     }
 
     /// Words, where `@` marks files of the folder.

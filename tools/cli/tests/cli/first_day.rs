@@ -41,28 +41,26 @@ fn second_day_resumes_with_the_model_of_the_first() {
     }
 
     let words = bench.words("calibrate --folder @here --home");
-    let steps = [
-        "step 2 of 6: fit: done before",
-        "$ i2ris home",
-        "$ i2ris enable",
-        "$ i2ris model use ",
-        "condition  done",
-        "--duration-s 6 --enable",
-    ];
-    let mut result = run(&domain, &words);
-    assert_says(&result.output, &steps);
-    // The snake does not follow while its drives stall; the same command repeats the check.
-    if result.error.contains("tracking error") {
-        result = run(&domain, &words);
-    }
-    assert_says(&result.output, &["done: the robot is ENABLED and runs with "]);
+    let calibrate = |steps: &str| {
+        let mut result = run(&domain, &words);
+        let first = result.output.clone();
+        assert_says(&first, &steps.split('|').collect::<Vec<_>>());
+        // The snake does not follow while its drives stall; the same command repeats the check.
+        for _ in 0..5 {
+            if result.error.contains("tracking error") {
+                result = run(&domain, &words);
+            }
+        }
+        assert_says(&result.output, &["done: the robot is ENABLED and runs with "]);
+        first
+    };
+    calibrate("fit: done before|i2ris home|i2ris enable|model use|condition  done|command circle");
     assert_eq!(client.models().unwrap().slots[0].model_id, id.0);
 
     // Off again: only enabling and conditioning remain, and are done.
     client.state_command(StateCommand::Disable).unwrap();
     settle_in(&mut client, OperatingState::Disabled);
-    let rest = ["$ i2ris enable", "$ i2ris command state condition", "done: the robot is ENABLED"];
-    let output = prints(start(&domain, &words), &rest);
+    let output = calibrate("$ i2ris enable|$ i2ris command state condition");
     assert!(!output.contains("model use"), "{output}");
 
     // Completing the circle does not mean following it.
