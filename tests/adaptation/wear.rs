@@ -80,8 +80,7 @@ fn unexcited_wear_stays_as_calibrated() {
     assert_eq!((found.gap, found.slack, found.play), ([0.0; 2], [0.0; 2], [0.0; 2]));
 }
 
-/// Play cannot be negative: the estimate stops at zero, and other parameters take the rest of the
-/// error.
+/// Play cannot be negative: its estimate stops at zero, and other parameters take the rest.
 #[test]
 fn gear_loses_at_most_the_play_it_has() {
     let play = first_model().gear_play();

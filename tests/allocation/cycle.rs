@@ -1,5 +1,4 @@
-//! The cycle does not allocate: counted over 10,000 ticks of work, faults, recoveries and swaps of
-//! models.
+//! The cycle allocates nothing: counted over 10,000 ticks of work, faults, recoveries and swaps.
 
 use std::sync::Arc;
 

@@ -1,5 +1,4 @@
-//! Real-time code does not allocate. One binary for all these tests, because the counting
-//! allocator is global.
+//! Real-time code does not allocate. One binary for all tests: the counting allocator is global.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 

@@ -11,8 +11,7 @@ use proptest::test_runner::TestRunner;
 
 use crate::allocations;
 
-/// One second of control: goals inside and outside the hull, huge and NaN goals, with and without a
-/// good start.
+/// One second of control: goals in and outside the hull, huge and NaN, with and without good start.
 fn tick_for_a_second(model: &Model) {
     let mut memory = model.new_memory();
     let mut last = model.hull().centre();

@@ -1,5 +1,4 @@
-//! A running port thread allocates nothing: not in an exchange, not in a transition, not when it
-//! reconnects.
+//! A running port thread allocates nothing, be it in an exchange, a transition or a reconnection.
 use std::io;
 
 use i2ris::config::{Family, PortConfig};

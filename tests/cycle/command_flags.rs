@@ -157,8 +157,7 @@ fn column(state: &str) -> usize {
     }
 }
 
-/// Whether a reply matches a printed cell. Cells with a note depend on further conditions, which
-/// the tests above cover.
+/// Whether a reply matches a printed cell. The tests above cover what its notes require.
 fn agrees(cell: &str, column: usize, answer: Answer) -> bool {
     use OperatingState::{Disabled, Enabled, Fault, Paused};
     let stays = [Disabled, Disabled, Enabled, Paused, Fault, Fault][column];

@@ -1,5 +1,4 @@
-//! Every state command in every state: the table in the documentation of
-//! `core/states/control_state.rs`.
+//! Every state command in every state: the table documented in `core/states/control_state.rs`.
 
 use i2ris::core::CycleReport;
 

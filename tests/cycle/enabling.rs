@@ -99,8 +99,7 @@ fn target_follows_position_until_drive_is_enabled() {
     bench.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
 }
 
-/// The drive holds the target that was preloaded, which may be some counts away from where the
-/// motor is.
+/// The drive holds the preloaded target, which may be some counts away from where the motor is.
 #[test]
 fn the_setpoint_starts_where_the_drive_holds() {
     let mut bench = Bench::homed();

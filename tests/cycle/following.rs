@@ -66,8 +66,7 @@ fn slow_straight_path_does_not_reverse_motors() {
     }
 }
 
-/// With the shipped template. Once its gap is crossed, every family lags like one without memory:
-/// 20 ms.
+/// With the shipped template. After its gap, every family lags like one without memory: 20 ms.
 #[test]
 fn shipped_limits_follow_six_degrees_per_second() {
     let config = Config::parse(ROBOT, "shipped.toml".as_ref()).unwrap();
@@ -184,8 +183,7 @@ fn reported_goal_is_the_requested_not_the_extrapolated_one() {
     }
 }
 
-/// A client that sends `goal(time)` at a rate. The distance of the setpoint from the goal is
-/// measured at every tick.
+/// Sends `goal(time)` at a rate, and measures the setpoint's distance from the goal at every tick.
 struct Stream {
     rate_hz: f64,
     /// Time between sending and the tick that reads it, seconds.
@@ -195,8 +193,7 @@ struct Stream {
 }
 
 impl Stream {
-    /// The largest distance of motor 0 from where it is for the goal of each instant, counts, from
-    /// `warm_up` seconds on.
+    /// Largest distance, counts, of motor 0 from its place for the goal, from `warm_up` seconds on.
     fn worst_distance(&self, goal: impl Fn(f64) -> f64, warm_up_s: f64, seconds: f64) -> f64 {
         let Some(lag) = lag_counts() else { return 0.0 };
         let mut bench = Bench::enabled();

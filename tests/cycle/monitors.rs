@@ -70,8 +70,7 @@ fn h12_implausible_pose_raises_fault_and_drives_hold() {
 
 #[test]
 fn h12_late_but_agreeing_camera_raises_no_fault() {
-    // 8 deg/s and 120 ms: the difference to the newest estimate would be one degree, half the
-    // limit.
+    // 8 deg/s and 120 ms: the newest estimate would be one degree away, half the limit.
     for (latency_ms, slack_deg, ticks) in [(120, 1.0, 6000), (400, 0.0, 4000)] {
         assert_eq!(with_camera(latency_ms, slack_deg, ticks).state(), OperatingState::Enabled);
     }
@@ -131,8 +130,7 @@ fn h12_sustained_over_current_raises_fault_and_cuts_motor_power() {
     assert_eq!(bench.demands(), [Demand::QuickStop, Demand::Disabled]);
 }
 
-/// Five minutes of simulated time with every monitor: slow lines, a noisy camera, occasional late
-/// ticks.
+/// Five simulated minutes with every monitor: slow lines, a noisy camera, occasional late ticks.
 #[test]
 fn h16_five_minutes_of_ordinary_use_raise_no_fault() {
     let limits =

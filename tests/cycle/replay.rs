@@ -1,5 +1,4 @@
-//! Replay: a recorded session gives the same outputs to the bit, with swaps, faults, homings, and
-//! from any snapshot.
+//! A session replays to the bit: with swaps, faults and homings, and from any snapshot.
 
 use std::collections::BTreeSet;
 use std::path::Path;

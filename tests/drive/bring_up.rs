@@ -1,5 +1,4 @@
-//! Bring-up of a port until its drives are identified, switched off and limited; and the messages
-//! when that fails.
+//! Bring-up of a port until its drives are identified, off and limited; and messages of failures.
 
 use std::path::Path;
 

@@ -1,5 +1,4 @@
-//! One request and one reply over a line that loses, damages and delays data: a wrong value is
-//! never accepted.
+//! A request over a line that loses, damages and delays data: a wrong value is never accepted.
 
 use i2ris::drive::epos4::Epos4;
 use i2ris::drive::error::{LinkError, UnexpectedReply};

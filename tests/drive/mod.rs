@@ -1,5 +1,4 @@
-//! The drive layer on a simulated line, in simulated time: the link, bring-up, the port thread and
-//! its axes.
+//! The drive layer on a simulated line, in simulated time: link, bring-up, port thread and axes.
 
 mod bring_up;
 mod capture;

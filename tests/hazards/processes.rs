@@ -123,8 +123,7 @@ fn h29_abandoned_request_is_not_executed_after_hang() {
     wait_for(&mut client, |state| state.state == OperatingState::Disabled.number());
 }
 
-/// Starts a second controller on a domain and returns the text of its refusal. The first controller
-/// stays enabled.
+/// Starts a second controller on a domain and returns its refusal. The first one stays enabled.
 fn refusal_of_second(change_domain: impl FnOnce(&mut String)) -> String {
     let mut rig = Rig::start();
     let mut client = rig.enabled();

@@ -62,8 +62,7 @@ fn warm_start_takes_few_evaluations_and_small_steps() {
     }
 }
 
-/// A curve that decreases below -200 counts and increases above, like a model fitted to a few wrong
-/// rows.
+/// A curve that falls below -200 counts and rises above, like a model fitted to a few wrong rows.
 fn valley() -> Model {
     let mixture = MixtureParameters {
         weights: vec![0.2, 0.8],

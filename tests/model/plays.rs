@@ -70,8 +70,7 @@ proptest! {
         prop_assert!((rise(&a) - rise(&b)).abs() < 1e-9);
     }
 
-    /// Higher counts give higher virtual counts. The slope is at least the first weight and at most
-    /// 1.
+    /// Higher counts give higher virtual counts. The slope is between the first weight and 1.
     #[test]
     fn virtual_counts_increase_with_the_counts(
         p in plays(1, 0),

@@ -11,8 +11,7 @@ use i2ris_testing::program::{self, c_library, full_pipe};
 
 use super::*;
 
-/// Silence of the loop at which the watchdog stops the drives, ms: longer than stalls of a shared
-/// test machine.
+/// Silence of the loop at which the watchdog stops the drives, ms: more than stalls of a machine.
 const SILENCE_MS: u64 = 1000;
 /// Margin for measurements from outside, on a shared test machine.
 const TOLERANCE_MS: u64 = 250;

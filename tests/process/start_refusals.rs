@@ -1,5 +1,4 @@
-//! Refusals of `i2ris-control` and `i2ris-watchdog` at their start: a sentence with the reason, and
-//! the matching exit code.
+//! `i2ris-control` and `i2ris-watchdog` refuse to start with a reason and the matching exit code.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;

@@ -137,8 +137,7 @@ impl CampaignRig {
         self.found
     }
 
-    /// An axis that lost its zero can be at any position. Before homing, its target is set to its
-    /// position.
+    /// An axis without a zero can be anywhere. Before homing, its target is set to its position.
     fn check_set_points(&mut self) {
         let log = self.emulator.log();
         for (place, event) in log.iter().enumerate() {

@@ -31,8 +31,7 @@ struct WatchedRig {
 }
 
 impl WatchedRig {
-    /// `silence_ms`: the silence of the loop that counts as hanging. A test uses more than any
-    /// stall of the machine.
+    /// `silence_ms`: loop silence that counts as hanging, longer than any stall of the machine.
     fn new(silence_ms: u64) -> Self {
         Self::with(Rig::start(), silence_ms)
     }

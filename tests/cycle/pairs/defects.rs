@@ -181,8 +181,7 @@ fn copy(to: &Path) {
     }
 }
 
-/// Draws up to two million ticks in a copy of the sources. Returns whether the test passed, and its
-/// output.
+/// Draws up to two million ticks in a copy of the sources. Returns success and output of the test.
 fn draw(folder: &Path) -> (bool, String) {
     let (found, text) = output(
         Command::new(env!("CARGO"))

@@ -70,8 +70,7 @@ impl Situation {
         self.send(command);
     }
 
-    /// One tick with a command, which is checked like any other; the first of a stream also for its
-    /// start.
+    /// One tick with a command, checked like any other; the first of a stream also for its start.
     pub(super) fn send(&mut self, command: ServoCommand) {
         let before = self.bench.joints();
         let refusal = self.bench.send(command);

@@ -1,5 +1,4 @@
-//! Forbidden regions, drawn at random: their distances and the tip position, with formulae of their
-//! own.
+//! Random forbidden regions: their distances and the tip position, with formulae of their own.
 
 use super::*;
 

@@ -8,8 +8,7 @@ const EXCHANGES: Nanos = Nanos::from_millis(60);
 
 const QUICK_STOP: u32 = 0x000B;
 
-/// Three drives that are enabled. The host waits for a reply for less than the gateway for a node,
-/// or for longer.
+/// Three enabled drives. The host's timeout is shorter than that of the gateway, or longer.
 fn three_enabled(gateway_ms: u64, reply_ms: u64) -> PortRig {
     let drives = [1, 2, 3].map(|node| MiniDrive::new(node, 10 * u32::from(node)));
     let mut rig = PortRig::with(drives.into(), |port| port.reply_timeout_ms = reply_ms);

@@ -1,5 +1,4 @@
-//! The maps in the sources against the tree: what a page names exists, what exists is named, and
-//! imports go where the page says.
+//! The maps in the sources name exactly what is in the tree, and imports go where they say.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;

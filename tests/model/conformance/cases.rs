@@ -26,8 +26,7 @@ pub fn slopes(sample: &Sample) {
     });
 }
 
-/// The outputs never reverse: a motor that continues moves them further, and two motors never
-/// oppose each other.
+/// Outputs never reverse: a motor that continues moves them on; two motors never oppose each other.
 pub fn rises(sample: &Sample) {
     each(sample, |it| {
         let (model, memory) = (&it.model, &it.memory);

@@ -78,8 +78,7 @@ fn bits(model: &Model, memory: &Memory, it: &Situation) -> Vec<u8> {
     postcard::to_allocvec(&(memory, estimate, inverse, model.jacobian(&it.at, memory))).unwrap()
 }
 
-/// The same motion gives the same bits: again, from a copy, from a snapshot, and with the model
-/// read from its file.
+/// The same motion gives the same bits: again, from copy, snapshot, and a model read from its file.
 pub fn same_bits(sample: &Sample) {
     each(sample, |it| {
         let file = ModelFile::parse(&serde_json::to_string(it.model.file()).unwrap()).unwrap();

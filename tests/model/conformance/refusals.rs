@@ -4,8 +4,7 @@ use toml::Value;
 
 use super::*;
 
-/// Family, parameter path, value written there, and expected message. `*3` means three copies of
-/// the first list entry.
+/// Family, parameter path, its value, and message. `*3` means three copies of the first list entry.
 const BAD: [(&str, &str, &str, &str); 22] = [
     ("linear", "gain", "[[0.02, 0.01]]", "family.gain = rows of [2] numbers"),
     ("linear", "gain", "[[0.0, 0.0], [0.0, 0.0]]", "a motor must move"),

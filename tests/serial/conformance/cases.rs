@@ -1,5 +1,4 @@
-//! Requirements for every drive in every topology. The axis under test may be reached through the
-//! drive of the port.
+//! Requirements for every drive in every topology: an axis may be reached through the port's drive.
 
 use super::*;
 

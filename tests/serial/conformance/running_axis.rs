@@ -90,8 +90,7 @@ impl RunningAxis {
         self.request(|request| request.demand = demand);
     }
 
-    /// Demands disabled, and waits until the port thread has read it: the thread reads only the
-    /// newest request.
+    /// Demands disabled and waits for the port thread, which reads only the newest request.
     pub fn disable(&mut self) {
         self.demand(Demand::Disabled);
         self.wait_for_positions(2);

@@ -1,5 +1,4 @@
-//! One thread of the controller hangs while the others run. A tracer stops it, because a signal
-//! would stop the whole process.
+//! One thread of the controller hangs. A tracer stops it: a signal would stop the whole process.
 
 use nix::errno::Errno;
 use nix::libc;
