@@ -136,8 +136,7 @@ fn adaptation_without_camera_leaves_outputs_bit_identical() {
 fn unusable_frames_are_counted_and_change_nothing() {
     let mut trial = blind(ON);
     for k in 0..6000_u64 {
-        let kind = k % 33;
-        let stamp = match (kind, k % 66) {
+        let stamp = match (k % 33, k % 66) {
             (0, 0) => trial.control.now() + Nanos::from_millis(500),
             (0, _) => trial.control.now() - Nanos::from_millis(600),
             (16, _) => Nanos::ZERO,

@@ -89,8 +89,7 @@ fn record(snake: DrawnSnake, file: File) {
             let angles = [pitch + noise(), yaw + noise(), 0.0];
             writer.row(&Row::new(time_s, robot.encoders(), angles)).unwrap();
         } else if tick % 5 == 0 {
-            let nothing = [f64::NAN; MAX_OUTPUTS];
-            writer.row(&Row::new(time_s, robot.encoders(), nothing)).unwrap();
+            writer.row(&Row::new(time_s, robot.encoders(), [f64::NAN; MAX_OUTPUTS])).unwrap();
         }
     }
     writer.finish().unwrap();

@@ -69,8 +69,7 @@ impl Drifting {
     ) {
         for _ in 0..(seconds * 1000.0) as u64 {
             self.time_s += 1e-3;
-            let goal = hand(self.time_s);
-            self.tick(Some(goal));
+            self.tick(Some(hand(self.time_s)));
             if self.ticks.is_multiple_of(FRAME_MS) && self.poses.len() > AGE_MS {
                 let (stamp, pose) = self.poses[self.poses.len() - AGE_MS];
                 let [pitch, yaw] = see(self.time_s, pose).map(f64::to_radians);
@@ -114,8 +113,7 @@ impl Drifting {
     }
 
     pub fn has(&self, event: AdaptationEvent) -> bool {
-        let event = CycleEventKind::Adaptation(event);
-        self.bench.events.contains(&event)
+        self.bench.events.contains(&CycleEventKind::Adaptation(event))
     }
 
     /// Distance by which the correction moves the tip at a pose, deg.
@@ -312,8 +310,7 @@ fn h22_without_reversals_the_gap_is_not_learned() {
     let mut drifting = Drifting::new(ON);
     // Slowly in one direction, after the conditioning cycle has set all gaps to a mixture of
     // branches.
-    let ramp = |t: f64| [0.12 * t, 0.0];
-    drifting.follow(60.0, ramp, |_, [pitch, yaw]| [pitch - 0.4, yaw]);
+    drifting.follow(60.0, |t: f64| [0.12 * t, 0.0], |_, [pitch, yaw]| [pitch - 0.4, yaw]);
     let found = drifting.adaptation();
     assert_eq!(found.estimate.gap, [0.0; 2], "{found:?}");
 }

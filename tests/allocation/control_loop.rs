@@ -38,8 +38,7 @@ fn running_controller_does_not_allocate_in_loop_or_ports() {
     rig.start_controller_thread();
     let mut client = rig.client();
     home_and_enable(&mut client, TIMEOUT).unwrap();
-    let calls = calls_in_real_time(|| use_robot(&mut client));
-    assert_eq!(calls, 0);
+    assert_eq!(calls_in_real_time(|| use_robot(&mut client)), 0);
 }
 
 #[test]

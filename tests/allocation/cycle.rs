@@ -73,8 +73,7 @@ fn ten_thousand_ticks_with_faults_and_swaps_do_not_allocate() {
 
 #[test]
 fn ten_thousand_ticks_with_adaptation_do_not_allocate() {
-    let on = config("[adaptation]\nenabled = true");
-    let mut bench = Bench::new(on, Some(standard_model()));
+    let mut bench = Bench::new(config("[adaptation]\nenabled = true"), Some(standard_model()));
     bench.camera = Some([0.01, -0.01]);
     count_calls(bench);
 }

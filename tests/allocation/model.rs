@@ -55,8 +55,7 @@ fn a_tick_with_a_model_allocates_nothing() {
     }
     assert!(models.len() > 100, "{}", models.len());
     for model in &models {
-        let count = allocations(|| tick_for_a_second(model));
-        assert_eq!(count, 0, "{:?}", model.file().family);
+        assert_eq!(allocations(|| tick_for_a_second(model)), 0, "{:?}", model.file().family);
     }
     // This checks that the counter works.
     assert!(allocations(|| drop(black_box(vec![0_u8; 64]))) >= 2);

@@ -99,8 +99,7 @@ fn counts_do_not_need_a_model() {
 #[test]
 fn a_tip_position_is_followed_like_an_angle() {
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
-    let goal = [0.003, -0.0015, 0.0];
-    hold_goal(&mut bench, ServoGoal::Joint(goal, 2));
+    hold_goal(&mut bench, ServoGoal::Joint([0.003, -0.0015, 0.0], 2));
     let wanted = counts_at(3.0, -1.5);
     for (target, wanted) in bench.targets().iter().zip(wanted) {
         assert!((f64::from(*target) - wanted).abs() <= HALF, "{target} for {wanted}");

@@ -31,8 +31,7 @@ pub fn stream(bench: &mut Bench, goal: Kind) {
 
 /// One command where the snake is.
 pub fn here(bench: &mut Bench) -> ServoCommand {
-    let setpoint = bench.joints().setpoint;
-    bench.servo(ServoGoal::Joint(setpoint, 2))
+    bench.servo(ServoGoal::Joint(bench.joints().setpoint, 2))
 }
 
 pub fn is_followed(bench: &mut Bench) -> Refusal {

@@ -147,8 +147,7 @@ fn candidate_staged_too_late_has_unknown_memory() {
 fn homing_makes_every_memory_unknown() {
     let first = model_with_memory();
     let mut bench = conditioned(&first);
-    let candidate = bench.candidate(&first);
-    bench.offer(candidate);
+    bench.offer(bench.candidate(&first));
     bench.run(2);
     assert!(bench.report().models.staged_known);
     bench.carry_out(StateCommand::Disable);

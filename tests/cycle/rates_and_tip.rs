@@ -135,8 +135,7 @@ fn interpolated_slow_stream_moves_steadily_and_rests_at_goal() {
         let mut speeds = Vec::new();
         let count = 600 / interval_ms;
         for k in 0..=count {
-            let goal = ServoGoal::Interpolated(rad(k as f64 * step, 0.0), 2);
-            let command = bench.servo(goal);
+            let command = bench.servo(ServoGoal::Interpolated(rad(k as f64 * step, 0.0), 2));
             let before = bench.joints().setpoint[0];
             assert_eq!(bench.send(command), Refusal::None, "{k}");
             bench.run(interval_ms - 1);
@@ -179,13 +178,11 @@ fn tip_reaches_goal_or_nearest_point_with_distance() {
     // Half a millimetre beyond the surface, along the snake.
     let [x, y, z] = tip_at(pitch, yaw);
     for k in 0..=100 {
-        let far = ServoGoal::Tip([x, y, z + 5e-6 * f64::from(k)], 3);
-        assert_eq!(bench.goal(far), Refusal::None);
+        assert_eq!(bench.goal(ServoGoal::Tip([x, y, z + 5e-6 * f64::from(k)], 3)), Refusal::None);
         bench.run(4);
     }
     assert!(bench.report().clipped);
-    let last = bench.goal(ServoGoal::Tip([x, y, z + 5e-4], 3));
-    assert_eq!(last, Refusal::None);
+    assert_eq!(bench.goal(ServoGoal::Tip([x, y, z + 5e-4], 3)), Refusal::None);
     for _ in 0..300 {
         assert_eq!(bench.goal(ServoGoal::Tip([x, y, z + 5e-4], 3)), Refusal::None);
         bench.run(4);

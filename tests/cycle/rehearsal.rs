@@ -64,7 +64,6 @@ fn the_history_sets_the_memory() {
         pitch(&from_below) < pitch(&from_above) - 0.01,
         "100 counts of gap on two motors are 1.5 deg a side"
     );
-    let start = start_position(&model, &rad(5.0, 0.0));
-    let unknown = rehearsal(&free, &model, &[start]);
+    let unknown = rehearsal(&free, &model, &[start_position(&model, &rad(5.0, 0.0))]);
     assert!(!unknown.report().joint.unwrap().memory_known);
 }

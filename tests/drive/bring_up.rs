@@ -49,8 +49,7 @@ fn every_limit_is_written_and_read_back() {
         (0x2006, 0, 50),
     ] {
         let object = format!("0x{index:04X}:{subindex:02X}");
-        let found = line.drive(1, |drive| drive.objects[&(index, subindex)]);
-        assert_eq!(found, value, "{object}");
+        assert_eq!(line.drive(1, |drive| drive.objects[&(index, subindex)]), value, "{object}");
         let state = line.state();
         let is_read = state.requests.iter().any(|request| {
             (request.opcode, request.index, request.subindex) == (0x60, index, subindex)
@@ -169,8 +168,7 @@ fn a_drive_that_does_not_switch_off_is_refused() {
     drive.state = OPERATION_ENABLED;
     drive.stuck = true;
     let (line, outcome) = bring_up(drive);
-    let text = outcome.unwrap_err().to_string();
-    assert_parts(&text, &["power stage does not switch off"]);
+    assert_parts(&outcome.unwrap_err().to_string(), &["power stage does not switch off"]);
     let controlwords = line.drive(1, |drive| drive.written(0x6040, 0));
     assert_eq!(controlwords, [0x0007, 0x0000], "cleanly, then at once");
 }
@@ -203,8 +201,7 @@ fn an_unreliable_line_is_brought_up() {
         let (line, _, port) = open(vec![one_drive()]);
         line.disturb(vec![Disturbance::Nothing; position]);
         line.disturb([Disturbance::FlipReply(position), Disturbance::LoseReply]);
-        let outcome = port.bring_up();
-        outcome.unwrap_or_else(|error| panic!("damage at request {position}: {error}"));
+        port.bring_up().unwrap_or_else(|error| panic!("damage at request {position}: {error}"));
         assert_eq!(line.drive(1, |drive| drive.objects[&(0x607D, 2)]), 2000);
     }
 }

@@ -53,8 +53,7 @@ impl LinkTest {
 
     /// Reads a position and checks that it answers the last request.
     fn assert_reads(&mut self, context: &str) {
-        let position = self.link.read(NODE, POSITION);
-        assert_eq!(position, Ok(self.last_request()), "{context}");
+        assert_eq!(self.link.read(NODE, POSITION), Ok(self.last_request()), "{context}");
     }
 }
 
@@ -73,8 +72,7 @@ fn a_value_is_read_and_truncated_to_its_size() {
 fn refusal_leaves_line_in_sync_without_retry() {
     let mut test = LinkTest::new();
     test.drive(|drive| drive.refuses.insert((0x607A, 0), 0x0800_0022));
-    let refused = LinkError::Refused(AbortCode(0x0800_0022));
-    assert_eq!(test.write_target(5), Err(refused));
+    assert_eq!(test.write_target(5), Err(LinkError::Refused(AbortCode(0x0800_0022))));
     assert!(test.link.is_in_sync());
     let counters = test.link.counters();
     assert_eq!((counters.timeouts, counters.retries), (0, 0));
@@ -86,8 +84,7 @@ fn a_reply_has_the_times_of_sending_and_receiving() {
     let before = test.line.time();
     let reply = test.write_target(5).unwrap();
     assert_eq!((reply.sent, reply.received), (before, test.line.time()));
-    let span = reply.received - reply.sent;
-    assert!(span > Nanos::from_millis(2), "24 bytes take 2.08 ms");
+    assert!(reply.received - reply.sent > Nanos::from_millis(2), "24 bytes take 2.08 ms");
 }
 
 #[test]

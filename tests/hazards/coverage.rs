@@ -81,7 +81,6 @@ fn every_requirement_has_a_test_and_every_hazard_a_requirement() {
         assert_tested(id, names, &tests);
     }
     for hazard in &hazards {
-        let is_traced = traced.contains(hazard);
-        assert!(is_traced, "{hazard} has no requirement: see {SAFETY}");
+        assert!(traced.contains(hazard), "{hazard} has no requirement: see {SAFETY}");
     }
 }

@@ -56,8 +56,7 @@ fn h08_bad_models_are_refused_and_active_model_stays() {
         let (refused, message) = refusal(client.stage_model(&file));
         assert!(refused == Refusal::BadModel && message.contains(reason), "{message}");
     }
-    let activated = client.activate_model(ModelId([7; 32]), true);
-    assert_eq!(refusal(activated).0, Refusal::NothingStaged);
+    assert_eq!(refusal(client.activate_model(ModelId([7; 32]), true)).0, Refusal::NothingStaged);
     assert_eq!(refusal(client.roll_back_model(true)).0, Refusal::NoPreviousModel);
     assert_eq!(client.models().unwrap().slots, before);
 }
@@ -108,8 +107,7 @@ fn swap_and_roll_back(operator: &mut Client, second: &Path) {
     assert_eq!(in_use(reply), [second.model_id, first.model_id]);
     assert_eq!(operator.version().unwrap().model_id, second.model_id);
     clock::sleep(Nanos::from_millis(200));
-    let reply = operator.roll_back_model(false).unwrap();
-    assert_eq!(in_use(reply), [first.model_id, second.model_id]);
+    assert_eq!(in_use(operator.roll_back_model(false).unwrap()), [first.model_id, second.model_id]);
     clock::sleep(Nanos::from_millis(200));
 }
 

@@ -42,8 +42,7 @@ fn h02_the_snake_holds_when_its_commander_is_killed() {
     wait_for(&mut client, |state| state.lease_client_id == 0);
     let here = rig.positions();
     stream_counts(&client, 0.5, |_| here);
-    let state = settle(&mut client, |state| state.lease_client_id != 0);
-    assert!(state.accepted > held.accepted);
+    assert!(settle(&mut client, |state| state.lease_client_id != 0).accepted > held.accepted);
 }
 
 /// The drives hold after a signal to the controller during fast motion.
@@ -133,8 +132,7 @@ fn refusal_of_second(change_domain: impl FnOnce(&mut String)) -> String {
     let mut second = rig.spawn_controller("second");
     rig.config.domain = domain;
     assert_eq!(wait_for_end(&mut second).code(), Some(1));
-    let state = wait_until_idle(&mut client).state;
-    assert_eq!(state, OperatingState::Enabled.number());
+    assert_eq!(wait_until_idle(&mut client).state, OperatingState::Enabled.number());
     let log = rig.emulator.log();
     assert!(!log[events..].iter().any(|event| matches!(event.kind, EventKind::Line(_))));
     let text = rig.log_text("second");

@@ -39,8 +39,7 @@ fn h13_blocked_log_and_missing_record_folder_do_not_stop_loop() {
     }
     let error = client.write_black_box().unwrap_err().to_string();
     assert!(error.contains("cannot write black box"), "{error}");
-    let state = client.operating_state().unwrap().unwrap();
-    assert_eq!(state.state, OperatingState::Enabled.number());
+    assert_eq!(client.operating_state().unwrap().unwrap().state, OperatingState::Enabled.number());
     // The controller ends although the log is never read.
     rig.signal(Signal::SIGTERM);
     assert_eq!(rig.wait_for_end().code(), Some(0));

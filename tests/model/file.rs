@@ -87,8 +87,7 @@ fn names_in(folder: &Path) -> Vec<String> {
 fn a_written_file_reads_back_and_leaves_no_temporary_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.json");
-    let first = file(2, two_by_two(), square(50.0));
-    first.write(&path).unwrap();
+    file(2, two_by_two(), square(50.0)).write(&path).unwrap();
     sample().write(&path).unwrap();
     assert_eq!(names_in(folder.path()), ["model.json"]);
     let model = Model::load(&path).unwrap();

@@ -118,8 +118,7 @@ fn along(direction: [f64; 2]) -> MixtureParameters {
 }
 
 fn superposed(mixtures: Vec<MixtureParameters>) -> ModelFile {
-    let family = FamilyParameters::Gmr { mixture: Mixture::PerMotor(mixtures) };
-    file(2, family, square(100.0))
+    file(2, FamilyParameters::Gmr { mixture: Mixture::PerMotor(mixtures) }, square(100.0))
 }
 
 #[test]

@@ -100,8 +100,7 @@ impl Scene {
         let watchdog = start(&rig, "i2ris-watchdog", &arguments, &watchdog_output);
         let ports = rig.config.ports_digest();
         wait_until("the watchdog holds every port", || {
-            let status = WatchdogStatus::read(&rig.domain(), &ports, clock::now());
-            status == WatchdogStatus::Watching
+            WatchdogStatus::read(&rig.domain(), &ports, clock::now()) == WatchdogStatus::Watching
         });
         match subject {
             Subject::Controller => rig.start_controller_with(output_of.stdio()),

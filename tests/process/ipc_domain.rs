@@ -92,12 +92,10 @@ fn a_sensor_survives_restarts_of_the_controller() {
             let _ = camera.publish(Nanos(round), &[0.1, 0.2], &[0.01, 0.02]);
             server.poll_external()
         });
-        let expected = (round, 2, [0.1, 0.2, 0.0]);
-        assert_eq!((seen.stamp_ns, seen.count, seen.position), expected);
+        assert_eq!((seen.stamp_ns, seen.count, seen.position), (round, 2, [0.1, 0.2, 0.0]));
         assert_eq!(server.failures().0, 0);
     }
-    let absent = camera.publish(Nanos(9), &[0.1], &[]).unwrap_err();
-    assert!(absent.is_absent());
+    assert!(camera.publish(Nanos(9), &[0.1], &[]).unwrap_err().is_absent());
     drop(camera);
     assert_no_files(&domain);
 }

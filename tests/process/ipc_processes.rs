@@ -12,8 +12,7 @@ fn start(role: &str, domain: &Domain) -> Killed {
 
 /// The domain of a role; `None` when the ignored tests are run by hand.
 fn assigned_domain() -> Option<Domain> {
-    let name = std::env::var(DOMAIN).ok()?;
-    Some(Domain::new(&name).unwrap())
+    Some(Domain::new(&std::env::var(DOMAIN).ok()?).unwrap())
 }
 
 /// eclipse-iceoryx/iceoryx2#601; RemoveIPC= of logind does the same.

@@ -94,10 +94,8 @@ fn state_command_is_confirmed_or_refused_with_reason() {
     });
     let mut client = connect(&domain);
     let error = client.state_command(StateCommand::Enable).unwrap_err();
-    let not_homed = Refusal::NotHomed;
-    assert!(matches!(error, ClientError::Refused { refusal, .. } if refusal == not_homed));
-    let state = client.state_command(StateCommand::Home).unwrap();
-    assert_eq!(state, OperatingState::Disabled);
+    assert!(matches!(error, ClientError::Refused { refusal, .. } if refusal == Refusal::NotHomed));
+    assert_eq!(client.state_command(StateCommand::Home).unwrap(), OperatingState::Disabled);
     let requests = received.try_iter().map(|request| (request.client_id, request.command));
     let expected = [StateCommand::Enable, StateCommand::Home];
     let expected = expected.map(|command| (client.id(), command.number()));
@@ -231,8 +229,7 @@ fn client_without_controller_fails_and_creates_no_files() {
     let error = Client::connect(&domain, Nanos::from_millis(30)).unwrap_err();
     assert!(error.is_absent() && error.to_string().contains(domain.name()), "{error}");
     assert!(clock::now().duration_since(start) >= Nanos::from_millis(30));
-    let error = Watcher::new(&domain).measured_js().read().unwrap_err();
-    assert!(error.is_absent());
+    assert!(Watcher::new(&domain).measured_js().read().unwrap_err().is_absent());
     assert!(!domain.directory().exists());
 }
 
@@ -249,8 +246,7 @@ fn waiting_ends_with_the_condition_or_the_timeout() {
     let mut client = connect(&domain);
     let state = client.wait_for(TIMEOUT, |state| state.accepted > 20).unwrap();
     assert!(state.accepted > 20);
-    let short = Nanos::from_millis(20);
-    let error = client.wait_for(short, |state| state.accepted == 0).unwrap_err();
+    let error = client.wait_for(Nanos::from_millis(20), |state| state.accepted == 0).unwrap_err();
     assert!(matches!(error, ClientError::Timeout(_)), "{error}");
 }
 

@@ -137,10 +137,7 @@ fn run_log_records_starts_ends_state_changes_and_commanding_client() {
     let text = fs::read_to_string(&runs).unwrap();
     let lines = text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap());
     let lines: Vec<serde_json::Value> = lines.collect();
-    let events = |name: &str| {
-        let of_name = lines.iter().filter(|line| line["event"] == name);
-        of_name.collect::<Vec<_>>()
-    };
+    let events = |name: &str| lines.iter().filter(|line| line["event"] == name).collect::<Vec<_>>();
     let begins = events("begin");
     assert_eq!((begins.len(), events("end").len()), (2, 2), "{text}");
     assert_ne!(begins[0]["run"], begins[1]["run"]);
@@ -238,8 +235,7 @@ fn the_last_seconds_before_sigkill_are_in_a_black_box() {
     assert!(found.ticks.len() > 500, "{}", found.ticks.len());
     let replayed = replay(&found).unwrap();
     assert_eq!((replayed.ticks, replayed.difference), (found.ticks.len() as u64, None));
-    let moved = found.ticks.iter().any(|tick| tick.inputs.servo.is_some());
-    assert!(moved, "the commands are in it");
+    assert!(found.ticks.iter().any(|tick| tick.inputs.servo.is_some()), "the commands are in it");
 }
 
 #[test]
@@ -261,8 +257,7 @@ fn link_errors_are_published_as_health() {
             [health.crc_errors, health.timeouts, health.resynchronisations, health.retries];
         counters.iter().flatten().sum::<u64>()
     };
-    let after = newest(&|health| errors(health) > errors(&before));
-    assert!(after.sequence > before.sequence);
+    assert!(newest(&|health| errors(health) > errors(&before)).sequence > before.sequence);
 }
 
 #[test]

@@ -241,8 +241,7 @@ fn service_manager_is_notified_by_controller_and_watchdog() {
     let mut rig = Rig::start();
     let address = rig.folder.path().join("notify");
     let manager = UnixDatagram::bind(&address).unwrap();
-    let timeout = std::time::Duration::from_nanos(TIMEOUT.0);
-    manager.set_read_timeout(Some(timeout)).unwrap();
+    manager.set_read_timeout(Some(std::time::Duration::from_nanos(TIMEOUT.0))).unwrap();
     let expect_state = |expected: &str| loop {
         let mut message = [0; 64];
         let count = manager.recv(&mut message).expect(expected);

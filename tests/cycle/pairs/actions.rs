@@ -160,10 +160,7 @@ impl Situation {
             self.see();
             match tick % 5 {
                 0 => self.stream(),
-                1 if joins => {
-                    let here = self.present();
-                    self.send_as_other(here, Nanos::ZERO);
-                }
+                1 if joins => self.send_as_other(self.present(), Nanos::ZERO),
                 _ => self.tick(),
             }
         }
@@ -179,8 +176,7 @@ impl Situation {
         self.check();
         // At the present pose, only its session can cause a refusal.
         if joins {
-            let here = self.present();
-            self.send_as_other(here, Nanos::ZERO);
+            self.send_as_other(self.present(), Nanos::ZERO);
         }
     }
 

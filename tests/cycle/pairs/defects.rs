@@ -206,8 +206,7 @@ fn every_deliberate_defect_in_the_order_of_filters_is_found() {
         copy(&folder.join("source"));
         for (file, from, to) in edits {
             let file = folder.join("source").join(file);
-            let source = fs::read_to_string(&file).unwrap();
-            fs::write(&file, source.replace(from, to)).unwrap();
+            fs::write(&file, fs::read_to_string(&file).unwrap().replace(from, to)).unwrap();
         }
         let (is_passed, text) = draw(&folder);
         let seeds = text.lines().find(|line| line.starts_with("seeds")).unwrap_or("not found");

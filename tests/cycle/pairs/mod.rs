@@ -338,10 +338,7 @@ impl Situation {
                 let (shift, rate) = (self.random.within(-3.0, 3.0), self.random.within(-0.3, 0.3));
                 self.camera = (!self.random.one_in(3)).then_some(([0.3 * shift, 0.0], rate));
             }
-            13 => {
-                let late = self.random.below(90);
-                self.bench.skip(Nanos::from_millis(late));
-            }
+            13 => self.bench.skip(Nanos::from_millis(self.random.below(90))),
             14 => self.begin_in_counts(),
             _ => self.disable_and_enable(),
         }

@@ -48,8 +48,7 @@ impl Situation {
         self.hand.clear();
         for next in [[beyond, at[1]], [beyond, there], [inside, there], [inside, back]] {
             let steps = (distance(at, next) / step).ceil().max(1.0);
-            let line = (1..=steps as u32).map(|k| between(at, next, f64::from(k) / steps));
-            self.hand.extend(line);
+            self.hand.extend((1..=steps as u32).map(|k| between(at, next, f64::from(k) / steps)));
             at = next;
         }
         (self.clutched, self.is_streaming, self.rate) = (false, true, [0.0; 2]);

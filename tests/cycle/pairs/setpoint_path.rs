@@ -48,8 +48,7 @@ pub struct SetpointPath {
 
 impl SetpointPath {
     pub fn new(expected: Expected, braking: f64) -> Self {
-        let past = VecDeque::new();
-        Self { expected, past, blend: (0.0, Nanos::ZERO), braking, ticks: 0 }
+        Self { expected, past: VecDeque::new(), blend: (0.0, Nanos::ZERO), braking, ticks: 0 }
     }
 
     /// Discards the history.

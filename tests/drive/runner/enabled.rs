@@ -58,8 +58,7 @@ fn target_outside_limits_is_reported_once_and_not_written() {
     };
     rig.request(|request| request.target = Counts(2001));
     rig.turns(50);
-    let written = rig.drive(|drive| drive.written(0x607A, 0));
-    assert!(written.iter().all(|target| *target == 120));
+    assert!(rig.drive(|drive| drive.written(0x607A, 0)).iter().all(|target| *target == 120));
     assert_eq!(refusals(&rig), 1);
     let sequence = rig.feedback().sequence;
     rig.turns(20);

@@ -124,8 +124,7 @@ fn drive_restart_ends_homing_without_start_outside_homing_mode() {
         rig.line.restart(NODE, Nanos::from_millis(60));
         rig.turns(300);
         assert!(matches!(rig.state(), SWITCH_ON_DISABLED | READY), "after {turns} turns");
-        let starts = rig.drive(|drive| drive.starts_outside_homing);
-        assert_eq!(starts, 0, "after {turns} turns");
+        assert_eq!(rig.drive(|drive| drive.starts_outside_homing), 0, "after {turns} turns");
     }
 }
 

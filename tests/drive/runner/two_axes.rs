@@ -59,8 +59,7 @@ fn axis_starts_nothing_while_other_axis_shuts_down() {
     rig.line.drive(1, |drive| drive.writes.clear());
     rig.shut_down();
     assert_eq!(rig.controlwords(), [0x0007, 0x0006]);
-    let ended = [DrivePower::Off, DrivePower::On].map(PortEventKind::Ended);
-    assert!(rig.kinds().ends_with(&ended));
+    assert!(rig.kinds().ends_with(&[DrivePower::Off, DrivePower::On].map(PortEventKind::Ended)));
 }
 
 /// The longest time without a request to a node.
@@ -68,8 +67,7 @@ fn longest_gap(rig: &PortRig, node: u8) -> Nanos {
     let state = rig.line.state();
     let requests = state.requests.iter().filter(|request| request.node == node);
     let arrivals: Vec<_> = requests.map(|request| request.arrived).collect();
-    let gaps = arrivals.windows(2).map(|pair| pair[1] - pair[0]);
-    gaps.max().unwrap()
+    arrivals.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap()
 }
 
 /// A gateway timeout plus resynchronisation of the line.

@@ -99,10 +99,8 @@ fn runs() -> Vec<Run> {
                 let (package, targets) = ("i2ris".to_owned(), vec![target.to_owned()]);
                 runs.push(Run { package, targets, filter: filter.to_owned() });
             } else if words.contains(&"--ignored") {
-                let units = ["--lib", "--bin", "--bins"];
-                let is_unit = units.iter().any(|unit| words.contains(unit));
-                let lib = is_unit.then(|| "lib".to_owned());
-                let targets = after("--test").chain(lib).collect();
+                let is_unit = ["--lib", "--bin", "--bins"].iter().any(|unit| words.contains(unit));
+                let targets = after("--test").chain(is_unit.then(|| "lib".to_owned())).collect();
                 let filter = words.last().filter(|word| !word.starts_with('-'));
                 let filter = filter.copied().unwrap_or_default().to_owned();
                 runs.push(Run { package: after("-p").next().unwrap(), targets, filter });

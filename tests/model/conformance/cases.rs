@@ -102,8 +102,7 @@ pub fn compensation(sample: &Sample) {
     each(sample, |it| {
         let goal = it.mean(&it.at, &it.memory);
         let with = |compensation, memory: &Memory| -> Inverse {
-            let correction = Some([0.0; 3]);
-            let query = Query { correction, compensation, ..Query::new([0.0; 2]) };
+            let query = Query { correction: Some([0.0; 3]), compensation, ..Query::new([0.0; 2]) };
             it.model.invert(&goal, memory, &query)
         };
         let [none, some, all] = [0.0, it.part, 1.0].map(|part| with(part, &it.memory));

@@ -36,8 +36,7 @@ pub fn each(sample: &Sample, case: fn(&Situation)) {
         let rng_seed = if is_gate { RngSeed::Fixed(4) } else { RngSeed::Random };
         let config =
             Config { source_file: Some(file!()), max_shrink_iters: 60, rng_seed, ..config };
-        let situations = situations(sample, *motors, *outputs);
-        let result = TestRunner::new(config).run(&situations, |it| {
+        let result = TestRunner::new(config).run(&situations(sample, *motors, *outputs), |it| {
             case(&it);
             Ok(())
         });

@@ -15,8 +15,7 @@ use serialport::{SerialPort, TTYPort};
 use super::*;
 
 fn refusal(port: &PortConfig) -> String {
-    let error = Port::open(port).and_then(Port::bring_up).unwrap_err();
-    let text = error.to_string();
+    let text = Port::open(port).and_then(Port::bring_up).unwrap_err().to_string();
     assert!(!text.contains('\n') && text.len() < 300, "one sentence: {text}");
     text
 }
@@ -70,8 +69,7 @@ fn a_missing_node_is_named() {
 
 /// Messages of controller, doctor and watchdog about a port.
 fn messages(port: &PortConfig) -> [String; 3] {
-    let family = family_of_port(port);
-    let mut link = DriveLink::new(SerialTransport::open(port).unwrap(), family, port);
+    let mut link = DriveLink::new(SerialTransport::open(port).unwrap(), family_of_port(port), port);
     let stopped = quick_stop_all(&mut link, &[port.axes[0].node_id], &[], STOP_ATTEMPTS);
     drop(link);
     [refusal(port), inspect(port).unwrap_err().to_string(), stopped[0].unwrap_err().to_string()]
@@ -118,8 +116,7 @@ fn a_drive_of_the_other_family_is_named() {
         [(0, Family::Epos2, "is this an EPOS4?"), (3, Family::Epos4, "is this an EPOS2?")]
     {
         let bench = TestBench::emulated(&SETUPS[setup]);
-        let port = PortConfig { family, ..bench.port() };
-        let [controller, doctor, watchdog] = messages(&port);
+        let [controller, doctor, watchdog] = messages(&PortConfig { family, ..bench.port() });
         assert!(controller.contains(question) && controller.contains("`family`"), "{controller}");
         assert_eq!(doctor, controller);
         assert!(watchdog.contains("unknown command"), "{watchdog}");
@@ -156,8 +153,7 @@ fn with_one_axis_refused_the_other_is_left_safe() {
     let running = bench.enabled();
     // At the next start the axis on the gateway is still enabled.
     running.abandon();
-    let wrong = bench.port_with(|axis| axis.serial_number = 1);
-    let text = refusal(&wrong);
+    let text = refusal(&bench.port_with(|axis| axis.serial_number = 1));
     assert!(text.contains("instead of 1 "), "{text}");
     let first = bench.emulator().snapshot().axes[0].drive;
     assert!(!first.state.is_powered(), "the correct axis is off");

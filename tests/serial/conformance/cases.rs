@@ -193,8 +193,7 @@ pub fn lost(bench: &TestBench) {
 /// A port that returns as another device is reopened; the drive is identified and switched off.
 pub fn hung_up(bench: &TestBench) {
     let mut axis = bench.enabled();
-    let emulator = bench.emulator();
-    emulator.inject(bench.axis, Injection::HangUp { for_ms: 300 });
+    bench.emulator().inject(bench.axis, Injection::HangUp { for_ms: 300 });
     axis.until_phase(AxisPhase::Lost);
     comes_back_disabled(bench, &mut axis);
 }
@@ -211,8 +210,7 @@ fn comes_back_disabled(bench: &TestBench, axis: &mut RunningAxis) {
 /// Ending the thread switches the drive off cleanly.
 pub fn ended(bench: &TestBench) {
     let mut axis = bench.enabled();
-    let kinds = axis.stop();
-    assert_eq!(kinds.last(), Some(&PortEventKind::Ended(DrivePower::Off)));
+    assert_eq!(axis.stop().last(), Some(&PortEventKind::Ended(DrivePower::Off)));
     assert_eq!(bench.drive().state, State::ReadyToSwitchOn);
     bench.assert_no_host_bugs();
 }

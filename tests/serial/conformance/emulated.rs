@@ -62,8 +62,7 @@ fn position_jump_while_line_lost_unhomes_axis() {
 fn a_frozen_encoder_is_a_following_error() {
     let bench = TestBench::emulated(&SETUPS[0]);
     let mut axis = bench.enabled();
-    let freeze = Injection::FreezeEncoder { for_ms: 60_000 };
-    bench.emulator().inject(0, freeze);
+    bench.emulator().inject(0, Injection::FreezeEncoder { for_ms: 60_000 });
     let mut target = axis.feedback().position.0;
     let start = Instant::now();
     while axis.feedback().phase == AxisPhase::Enabled {

@@ -39,8 +39,7 @@ impl RunningAxis {
                 runner.shut_down(&mut report);
             }
         });
-        let index = links.iter().position(|link| link.motor == motor).unwrap();
-        let link = links.remove(index);
+        let link = links.remove(links.iter().position(|link| link.motor == motor).unwrap());
         let mut running = Self {
             link,
             _others: links,

@@ -37,8 +37,7 @@ impl WatchedRig {
         }
         wait_until("the watchdog holds the port again", || self.count("holding") > held);
         wait_until("enabled", || client.state_command(StateCommand::Enable).is_ok());
-        let enabled = OperatingState::Enabled.number();
-        settle(&mut client, |state| state.state == enabled);
+        settle(&mut client, |state| state.state == OperatingState::Enabled.number());
         // To others it is as closed as ever.
         assert!(is_locked(&self.rig.config.ports[0].device));
         self.client = Some(client);
