@@ -4,6 +4,8 @@ use i2ris::config::{JointLimitConfig, LimitConfig};
 use i2ris::core::StateRequest;
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs, state_request};
 
+use super::gate::sweep;
+use super::goal_making::apart;
 use super::*;
 
 /// A fitted snake with gaps of 150 counts on both sides, and slack wires.
@@ -103,6 +105,58 @@ fn moves_and_conditioning_of_loose_snake_reach_their_goals() {
                 ticks.unwrap()
             });
             assert!(shipped < 2 * free + 300, "{shipped} and {free} ms, {:?}", request.command);
+        }
+    }
+}
+
+/// A snake with the gap of one motor up to ten times as wide as that of the other one.
+fn uneven(gaps: [f64; 2]) -> Arc<Model> {
+    let mut file = play_model().file().clone();
+    if let FamilyParameters::GmrPlay { plays, .. } = &mut file.family {
+        plays.thresholds_counts = gaps.map(|gap| vec![0.0, gap]).to_vec();
+        plays.weights = vec![vec![0.1, 0.9]; 2];
+    }
+    Arc::new(Model::from_file(file).unwrap())
+}
+
+/// On the way back from a limit, one gap ends before the other. Before, the slower trial of a
+/// straight line held the motors in the wider gap: 1.8 s instead of 0.5 s.
+#[test]
+fn uneven_gaps_at_a_limit_are_left_within_every_limit_of_the_tip() {
+    let speed = "velocity_deg_s = 40.0\nacceleration_deg_s2 = 600.0\n\
+         [limits]\nstop_deceleration_counts_s2 = 40000.0";
+    let position = "[joint_limits]\nposition_max_deg = [3.0, 9.0]\n";
+    for (gaps, back) in [[200.0, 20.0], [20.0, 200.0], [100.0, 60.0]].into_iter().flat_map(|gaps| {
+        [[-3.0, 2.0], [-3.0, -2.0], [2.0, 4.0], [2.0, -4.0]].map(|back| (gaps, back))
+    }) {
+        for tables in [position.to_owned(), format!("{position}{speed}")] {
+            let mut bench = Bench::enabled_with(config(&tables), Some(uneven(gaps)));
+            sweep(&mut bench, [0.0; 2], [6.0, 1.0], 2400, |_| {});
+            sweep(&mut bench, [6.0, 1.0], [6.0, 1.0], 600, |_| {});
+            let line = bench.config.setpoint_interval().0.div_ceil(1_000_000) as usize;
+            let change = 1.01 * 6e-4 * line as f64;
+            let (mut before, mut steps) = (bench.pose_deg(), vec![[0.0_f64; 2]; line + 3]);
+            let mut note = |bench: &Bench| {
+                let now = bench.pose_deg();
+                assert!(now[0] < 3.0 + GAIN_DEG, "{} deg: more than a count beyond", now[0]);
+                let step = [0, 1].map(|axis| now[axis] - before[axis]);
+                for axis in (0..2).filter(|_| tables.contains(speed)) {
+                    let along = |then: &[f64; 2]| then[axis] * step[axis].signum();
+                    let around = &steps[steps.len() - line - 2..steps.len() - line + 3];
+                    let then = around.iter().map(along).sum::<f64>() / 5.0;
+                    let most = (then + change).max(along(&steps[steps.len() - 1])).max(0.0);
+                    // A model with memory sees whole counts.
+                    let excess = step[axis].abs() - most.min(0.0404);
+                    assert!(excess < 0.012, "{excess} deg, {gaps:?} to {back:?}");
+                }
+                steps.push(step);
+                before = now;
+            };
+            let from = bench.pose_deg();
+            sweep(&mut bench, from, back, 400, &mut note);
+            sweep(&mut bench, back, back, 190, &mut note);
+            let away = apart(bench.pose_deg(), back);
+            assert!(away < 0.1, "{away} deg from {back:?} with {gaps:?} and {tables}");
         }
     }
 }

@@ -44,10 +44,10 @@
 //! leave the line between both. A limit that is broken already may be broken no further. What slows
 //! down always passes: the gate never lengthens a stop.
 //!
-//! A setpoint that fails is tried again on a straight line, both as fast as the limit allows, and
-//! at a border with one motor after the other. If nothing passes that moves a motor, the motors
-//! stop, and [`Passed::blocked_by`] names the limit that has kept them for [`BLOCKED_TIMEOUT`]. The
-//! number of trials is fixed, and so is the time of a tick.
+//! A setpoint that fails is tried again on a straight line and with one motor after the other, each
+//! as fast as the limits allow. If nothing passes that moves a motor, the motors stop, and
+//! [`Passed::blocked_by`] names the limit that has kept them for [`BLOCKED_TIMEOUT`]. The number of
+//! trials is fixed, and so is the time of a tick.
 //!
 //! A request to a drive that has passed is a [`Gated`]. The port threads take nothing else, and
 //! only this file makes one.
@@ -76,8 +76,6 @@ const MAX_AWAY: f64 = 1.0;
 const MAX_ARRIVED: f64 = 0.01;
 /// Time without a change of any setpoint after which a motion at a limit ends.
 const BLOCKED_TIMEOUT: Nanos = Nanos::from_millis(1000);
-/// Share of the velocity in the last trial of a motion that meets a border.
-const SLOW_SHARE: f64 = 0.1;
 
 /// A request to a drive that has passed the gate.
 ///
@@ -167,13 +165,13 @@ enum Verdict {
 }
 
 /// Trials of a tick; the later ones only where a limit is reached. Each may come twice: as fast as
-/// the motors can, and slower.
+/// the motors can, and slower where that is too fast.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Attempt {
     All,
     Straight,
-    /// Away from a border that gaps of different width lead across: one motor crosses its gap,
-    /// which moves nothing, before the other one does.
+    /// Where gaps of different width lead across a border, or end both in one tick: one motor
+    /// crosses its gap, which moves nothing, before the other one does.
     First,
     Second,
 }
@@ -292,12 +290,9 @@ impl<'a> GateTick<'a> {
     ) -> Result<(Option<Stop>, OutputVec), NotFinite> {
         let mut held_by = None;
         for attempt in ATTEMPTS {
-            if attempt == Attempt::First && held_by == Some(Stop::Speed) {
-                break;
-            }
             let mut shares = attempt.shares(axes, targets);
             let leads_to = attempt.leads_to(&self.setpoints, targets);
-            for is_last in [false, true] {
+            for _ in 0..2 {
                 axes.track(targets, &shares);
                 let (limit, share) = match self.judge(axes, gate, leads_to.as_ref())? {
                     Verdict::Passes { step }
@@ -307,16 +302,13 @@ impl<'a> GateTick<'a> {
                     }
                     Verdict::Passes { .. } => (None, 0.0),
                     Verdict::TooFast { share } => (Some(Stop::Speed), share),
-                    Verdict::Fails(limit) if attempt == Attempt::Straight => {
-                        (Some(limit), SLOW_SHARE)
-                    }
                     Verdict::Fails(limit) => (Some(limit), 0.0),
                 };
                 // A border is named before the speed that was too high as well.
                 let border = held_by.filter(|it| *it != Stop::Speed);
                 held_by = border.or(limit).or(held_by);
                 axes.restore(&self.before);
-                if is_last || share <= 0.0 {
+                if share <= 0.0 {
                     break;
                 }
                 shares = shares.map(|whole| share * whole);
