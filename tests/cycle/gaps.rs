@@ -109,7 +109,7 @@ fn moves_and_conditioning_of_loose_snake_reach_their_goals() {
     }
 }
 
-/// A snake with the gap of one motor up to ten times as wide as that of the other one.
+/// A snake whose motors have gaps of different width.
 fn uneven(gaps: [f64; 2]) -> Arc<Model> {
     let mut file = play_model().file().clone();
     if let FamilyParameters::GmrPlay { plays, .. } = &mut file.family {

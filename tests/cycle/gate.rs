@@ -93,7 +93,7 @@ fn biased_camera_does_not_lead_setpoint_into_region() {
     sweep(&mut bench, [5.4, 0.0], [5.4, 0.0], 500, &mut note);
     assert!(deepest < 6.0, "{deepest} deg, but the wall is at 6 deg");
     assert!(bench.report().limited_by_fixture.is_some());
-    // A ball appears before motors that lag behind their goal: beside their way as adapted.
+    // The motors lag. A ball appears on their way as calibrated, but not as adapted.
     sweep(&mut bench, [5.4, 0.0], [0.0, -7.0], 4000, |_| {});
     sweep(&mut bench, [0.0, -7.0], [0.0, 5.0], 80, |_| {});
     let ball = add_ball(rad(1.6, -1.0), 1.0_f64.to_radians());
