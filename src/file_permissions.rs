@@ -2,8 +2,7 @@
 //! only files that no other user may have written.
 //!
 //! Everything is checked on the open descriptor, so that a file replaced in between is not read.
-//! Only regular files of a limited length are read: a FIFO or a device could block the reader
-//! forever.
+//! Only regular files of a limited length are read: a FIFO or a device could block forever.
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io::{self, Read};

@@ -25,8 +25,7 @@ pub const MAX_OUTPUTS: usize = 3;
 /// Maximum window of the jerk limiter, ticks: the largest array that can be written to a file.
 pub(crate) const MAX_WINDOW_TICKS: usize = 32;
 
-/// One value per motor, in fractional encoder counts. Entries beyond the model's number of motors
-/// are 0.
+/// One value per motor, in fractional encoder counts; 0 for motors that the model lacks.
 pub type MotorVec = [f64; MAX_MOTORS];
 
 /// One value per output, in radians for angles. Entries beyond the model's number of outputs are 0.

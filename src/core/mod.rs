@@ -28,8 +28,7 @@
 //! - [`cycle`]: one tick, inputs to outputs: `commands`, `events` with measurements of refusals and
 //!   faults, `setpoint_generation`; `snapshot`: its state between two ticks, for the black box.
 //!
-//! The states are described in `states::control_state`, the faults in `faults`, the limits in
-//! `motion`.
+//! States: `states::control_state`; faults: `faults`; limits: `motion`.
 
 // Not in tests, which may allocate.
 #![cfg_attr(

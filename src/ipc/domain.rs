@@ -36,8 +36,7 @@ pub(super) const SHARED_MEMORY: &str = "/dev/shm";
 
 /// Name and location of the shared memory that one controller and its clients use.
 ///
-/// Domains are independent. Every process of the same user can join; other users cannot, except
-/// root.
+/// Domains are independent. Processes of the same user and of root can join, others cannot.
 #[derive(Debug, Clone)]
 pub struct Domain {
     name: String,

@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
-/// Symmetric matrix over the outputs, rad^2 (m^2). Entries beyond the model's number of outputs are
-/// 0.
+/// Symmetric matrix over the outputs, rad^2 (m^2); 0 for outputs that the model lacks.
 pub type OutputMatrix = [[f64; MAX_OUTPUTS]; MAX_OUTPUTS];
 
 /// Row: output, column: motor; rad (m) per count. Entries beyond the model's sizes are 0.

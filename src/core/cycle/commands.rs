@@ -1,5 +1,4 @@
-//! Commands of the cycle: state commands, changes of the model and of virtual fixtures, servo
-//! commands.
+//! Commands of the cycle: state commands, changes of model and virtual fixtures, servo commands.
 
 use crate::core::command::admission::AdmissionContext;
 use crate::core::command::authority::Access;

@@ -1,5 +1,4 @@
-//! Streams out of the controller: joints, motors and operating state with every tick; adaptation
-//! and timing.
+//! Streams out of the controller: joints, motors and state with every tick; adaptation; timing.
 
 use iceoryx2::prelude::ZeroCopySend;
 

@@ -1,5 +1,4 @@
-//! The controller's ends of the services: servers of requests, and publishers of the streams that
-//! it sends.
+//! The controller's ends of the services: servers of requests and publishers of streams.
 
 use std::any::Any;
 use std::collections::BTreeMap;

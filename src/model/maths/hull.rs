@@ -181,8 +181,7 @@ impl Hull {
         self.centre
     }
 
-    /// Whether a point lies in the hull, within [`TOLERANCE_COUNTS`]. False for a point that is not
-    /// finite.
+    /// Whether a point lies in the hull, within [`TOLERANCE_COUNTS`]. False if it is not finite.
     #[must_use]
     pub fn contains(&self, counts: &MotorVec) -> bool {
         match &self.shape {
@@ -331,8 +330,7 @@ impl Edge {
         (is_on(share) && is_on(along)).then_some(at)
     }
 
-    /// The least value of a quadratic along a side: a parabola in the fraction of the side, clamped
-    /// to [0, 1].
+    /// The least value of a quadratic along a side: a parabola in the fraction of the side.
     fn minimum(&self, quadratic: &Quadratic, origin: MotorVec) -> MotorVec {
         let slope = dot(quadratic.slope(subtract(self.corner, origin)), self.along);
         let curvature = dot(self.along, quadratic.bend(self.along));

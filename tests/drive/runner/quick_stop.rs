@@ -88,6 +88,25 @@ fn a_stop_by_the_watchdog_is_not_undone() {
 }
 
 #[test]
+fn a_stop_by_the_watchdog_ends_enabling() {
+    let mut interrupted = 0;
+    for turns in 0..40 {
+        let mut rig = PortRig::disabled();
+        rig.demand(Demand::Enabled);
+        rig.turns(turns);
+        let at = rig.drive(|drive| drive.state);
+        if rig.phase() == AxisPhase::Enabling && at != SWITCH_ON_DISABLED {
+            let off = if at == OPERATION_ENABLED { QUICK_STOP_ACTIVE } else { SWITCH_ON_DISABLED };
+            rig.drive(|drive| drive.state = off);
+            rig.turns(300);
+            assert!(rig.drive(|drive| drive.state) != OPERATION_ENABLED, "after {turns} turns");
+            interrupted += 1;
+        }
+    }
+    assert!(interrupted > 1);
+}
+
+#[test]
 fn a_drive_that_does_not_stop_is_switched_off() {
     let mut rig = PortRig::enabled();
     rig.drive(|drive| drive.refuses.insert((0x6040, 0), 0x0800_0022));
