@@ -106,6 +106,8 @@ pub enum TransitionError {
     Unanswered,
     #[error("interrupted")]
     Interrupted,
+    #[error("something else stopped the drive: the watchdog, an input or another program")]
+    Stopped,
 }
 
 impl fmt::Display for PortEvent {

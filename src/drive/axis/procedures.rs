@@ -156,7 +156,7 @@ impl EnablingStep {
                 Self::Power(PowerSequence::new(PowerGoal::On))
             }
             (Self::Power(power), Transfer::Status) if power.is_interrupted(raw) => {
-                return ProcedureStatus::Failed(TransitionError::Interrupted);
+                return ProcedureStatus::Failed(TransitionError::Stopped);
             }
             (Self::Power(mut power), _) => {
                 if power.advance(transfer, raw) {
