@@ -65,8 +65,8 @@ impl PortConfig {
         (Nanos(BITS * 1_000_000_000 / baud) + DRIVE).max(USB)
     }
 
-    /// Something delays exchanges that take 2 ms longer than computed: most likely the latency timer
-    /// of an FTDI adapter.
+    /// Something delays exchanges that take 2 ms longer than computed, most likely the latency
+    /// timer of an FTDI adapter.
     pub fn is_delayed(&self, exchange: Nanos) -> bool {
         exchange > self.nominal_exchange() + DELAY
     }

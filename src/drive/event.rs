@@ -106,7 +106,7 @@ pub enum TransitionError {
     Unanswered,
     #[error("interrupted")]
     Interrupted,
-    #[error("something else stopped the drive: the watchdog, an input or another program")]
+    #[error("the watchdog has stopped the drives")]
     Stopped,
 }
 

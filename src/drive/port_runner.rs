@@ -289,7 +289,8 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
     fn serve_next(&mut self, stopping: bool, events: EventSink<'_>) {
         if !self.link.is_our_turn() {
             // The watchdog may have stopped any of the drives.
-            self.slots.iter_mut().for_each(|slot| slot.axis.distrust_state());
+            let now = self.link.now();
+            self.slots.iter_mut().for_each(|slot| slot.axis.distrust_state(now, events));
         }
         let is_stop_due = self.is_stop_due(stopping, events);
         let (now, line) = (self.link.now(), &mut self.line);

@@ -308,8 +308,7 @@ fn h22_parameter_not_excited_by_motion_is_not_learned() {
 #[test]
 fn h22_without_reversals_the_gap_is_not_learned() {
     let mut drifting = Drifting::new(ON);
-    // Slowly in one direction, after the conditioning cycle has set all gaps to a mixture of
-    // branches.
+    // Slowly in one direction, after the conditioning cycle has mixed the branches of all gaps.
     drifting.follow(60.0, |t: f64| [0.12 * t, 0.0], |_, [pitch, yaw]| [pitch - 0.4, yaw]);
     let found = drifting.adaptation();
     assert_eq!(found.estimate.gap, [0.0; 2], "{found:?}");

@@ -29,8 +29,7 @@ static ONE: Mutex<()> = Mutex::new(());
 static IS_WATCHED: AtomicBool = AtomicBool::new(false);
 static REAL_TIME_CALLS: AtomicU64 = AtomicU64::new(0);
 
-/// Allocator calls by the threads of the control loop and the ports, while `work` runs in
-/// this one.
+/// Allocator calls by the threads of control loop and ports while `work` runs in this one.
 pub fn calls_in_real_time(work: impl FnOnce()) -> u64 {
     let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     let before = REAL_TIME_CALLS.load(Ordering::SeqCst);

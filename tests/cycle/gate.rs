@@ -263,8 +263,7 @@ fn jumping_counts_keep_velocity_and_acceleration_limits() {
     assert!(fastest > 0.0195, "{fastest} deg in a tick");
 }
 
-/// The goal moves along a slanted side of the hull faster than the motors, and the second motor
-/// would arrive first.
+/// The goal outruns the motors along a slanted side, where the second one would arrive first.
 #[test]
 fn lagging_motors_do_not_leave_slanted_hull() {
     let mut file = model(OutputUnit::Deg).file().clone();

@@ -1,5 +1,4 @@
-//! A stream of any kind that fell silent while it moved the snake is followed again only after a
-//! deliberate action.
+//! A stream that fell silent in motion is followed again only after a deliberate action.
 
 use i2ris::model::kinematic::tip_position;
 

@@ -170,8 +170,8 @@ enum Verdict {
 enum Attempt {
     All,
     Straight,
-    /// Where gaps of different width lead across a border, or end both in one tick: one motor
-    /// crosses its gap, which moves nothing, before the other one does.
+    /// Where both motors cannot move together: away from a border that gaps of different width lead
+    /// across, and where one motor would be too fast at the end of its gap.
     First,
     Second,
 }
@@ -304,8 +304,8 @@ impl<'a> GateTick<'a> {
                     Verdict::TooFast { share } => (Some(Stop::Speed), share),
                     Verdict::Fails(limit) => (Some(limit), 0.0),
                 };
-                // A border is named before the speed that was too high as well.
-                let border = held_by.filter(|it| *it != Stop::Speed);
+                // A border is named before a speed that was too high; that of a detour is not.
+                let border = held_by.filter(|it| *it != Stop::Speed || leads_to.is_some());
                 held_by = border.or(limit).or(held_by);
                 axes.restore(&self.before);
                 if share <= 0.0 {

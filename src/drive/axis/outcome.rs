@@ -63,7 +63,7 @@ impl AxisStateMachine {
             // The watchdog may have stopped the drive: as after a time-out.
             Err(LinkError::NotOurTurn) => {
                 self.schedule.repeat(transfer);
-                self.distrust_state();
+                self.distrust_state(now, events);
                 self.trigger.handle_failure();
                 self.handle_timeout(now, events);
             }
@@ -89,9 +89,18 @@ impl AxisStateMachine {
         }
     }
 
-    /// Reads the state before any other step: a controlword could end the stop of the watchdog.
-    pub(in crate::drive) fn distrust_state(&mut self) {
+    /// The watchdog has the line. The state is read before any other step: a controlword could end
+    /// its stop. What would give the drive power ends here.
+    pub(in crate::drive) fn distrust_state(&mut self, now: Nanos, events: EventSink<'_>) {
         self.schedule.repeat(Transfer::Status);
+        let error = TransitionError::Stopped;
+        match self.state {
+            AxisState::Enabling(..) => {
+                self.handle_enabling(ProcedureStatus::Failed(error), now, events);
+            }
+            AxisState::Homing(..) => self.abort_homing(error, now, events),
+            _ => {}
+        }
     }
 
     fn update_feedback(

@@ -72,13 +72,6 @@ impl PowerSequence {
         }
     }
 
-    /// Since the last command, something else has stopped the drive: the watchdog, or an input.
-    fn is_interrupted(self, raw: u32) -> bool {
-        let state = Statusword(u16::from_raw(raw)).state();
-        matches!(self.next, NextAction::WaitForChange(from) if Some(from) != state)
-            && matches!(state, Some(DriveState::SwitchOnDisabled | DriveState::QuickStopActive))
-    }
-
     fn update_state(&mut self, state: DriveState) -> bool {
         if self.next == NextAction::WaitForChange(state) {
             return false;
@@ -154,9 +147,6 @@ impl EnablingStep {
             (Self::SetMode, Transfer::SetMode(_)) => Self::Mode,
             (Self::Mode, Transfer::Mode) if i8::from_raw(raw) == map.streaming_mode => {
                 Self::Power(PowerSequence::new(PowerGoal::On))
-            }
-            (Self::Power(power), Transfer::Status) if power.is_interrupted(raw) => {
-                return ProcedureStatus::Failed(TransitionError::Stopped);
             }
             (Self::Power(mut power), _) => {
                 if power.advance(transfer, raw) {

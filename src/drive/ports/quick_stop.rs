@@ -52,7 +52,7 @@ pub fn quick_stop_all<T: Transport>(
     let mut order: Vec<usize> = (0..nodes.len()).collect();
     order.sort_by_key(|&index| last[index]);
     let at_first: Vec<usize> = order.iter().copied().filter(|&index| !last[index]).collect();
-    // Sent before the state is known: without power it only delays switching on.
+    // Sent before the state is known: without power it ends switching on.
     link.wait_at_most(BLIND);
     let (mut untold, mut is_silent) = (at_first, false);
     untold.retain(|&index| {

@@ -7,8 +7,7 @@
 //! controller what the guard looks at. Then the property must fail, which shows that it can fail
 //! and that no other guard provides it.
 //!
-//! That no setpoint beyond a limit reaches a drive is shown by `pairs`, and by `pairs::defects`
-//! without the gate.
+//! That no setpoint beyond a limit reaches a drive is shown by `pairs` and `pairs::defects`.
 
 mod system;
 
