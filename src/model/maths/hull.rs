@@ -330,7 +330,7 @@ impl Edge {
         (is_on(share) && is_on(along)).then_some(at)
     }
 
-    /// The least value of a quadratic along a side: a parabola in the fraction of the side.
+    /// The least value of a quadratic along a side: a parabola in its fraction, clamped to [0, 1].
     fn minimum(&self, quadratic: &Quadratic, origin: MotorVec) -> MotorVec {
         let slope = dot(quadratic.slope(subtract(self.corner, origin)), self.along);
         let curvature = dot(self.along, quadratic.bend(self.along));

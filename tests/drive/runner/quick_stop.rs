@@ -88,24 +88,25 @@ fn a_stop_by_the_watchdog_is_not_undone() {
 }
 
 #[test]
-fn a_stop_by_the_watchdog_ends_enabling() {
-    let mut interrupted = 0;
-    for turns in 0..40 {
-        let mut rig = PortRig::disabled();
-        rig.demand(Demand::Enabled);
-        rig.turns(turns);
-        if rig.phase() == AxisPhase::Enabling {
+fn a_stop_by_the_watchdog_ends_enabling_and_homing() {
+    for (demand, homings, end) in [
+        (Demand::Enabled, 0, PortEventKind::EnableFailed(TransitionError::Stopped)),
+        (Demand::Disabled, 1, PortEventKind::HomingEnded(Some(TransitionError::Stopped))),
+    ] {
+        let interrupted = (1..40).filter(|&turns| {
+            let mut rig = PortRig::disabled();
+            rig.request(|request| (request.demand, request.homings) = (demand, homings));
+            rig.turns(turns);
             rig.line.state().is_taken = true;
             rig.turns(1);
             rig.drive(|drive| drive.state = SWITCH_ON_DISABLED);
             rig.line.state().is_taken = false;
             rig.turns(300);
             assert!(rig.drive(|drive| drive.state) != OPERATION_ENABLED, "after {turns} turns");
-            let stopped = PortEventKind::EnableFailed(TransitionError::Stopped);
-            interrupted += u32::from(rig.kinds().contains(&stopped));
-        }
+            rig.kinds().contains(&end)
+        });
+        assert!(interrupted.count() > 5, "{end}");
     }
-    assert!(interrupted > 5, "{interrupted}");
 }
 
 #[test]
