@@ -236,32 +236,41 @@ fn jumping_counts_keep_velocity_and_acceleration_limits() {
     let [velocity, change] = [0.02, 6e-4 * line as f64].map(|limit| 1.01 * limit + 3.5e-5);
     let mut steps = vec![0.0_f64; line + 3];
     let (mut before, mut fastest) = (bench.pose_deg()[0], 0.0_f64);
-    for (counts, ticks) in [(200, 400), (0, 200), (200, 60), (0, 80), (200, 1000), (-40, 400)] {
+    let mut note = |bench: &Bench, steps: &mut Vec<f64>| {
+        let now = bench.pose_deg()[0];
+        steps.push(now - std::mem::replace(&mut before, now));
+    };
+    let goals = [(200, 400), (0, 200), (200, 60), (0, 80), (200, 1000), (-40, 400), (200, 300)];
+    for (counts, ticks) in goals.into_iter().chain([(200, 400)]) {
         for tick in 0..ticks {
             assert_eq!(bench.actuator([counts, counts]), Refusal::None);
-            let [now, yaw] = bench.pose_deg();
+            let yaw = bench.pose_deg()[1];
             assert!(yaw.abs() < 1e-9, "one motor without the other: {yaw} deg");
-            let step = now - before;
-            let most = longest_step(&steps, step.signum(), line, change) + 1e-9;
+            note(&bench, &mut steps);
+            let (step, earlier) = steps.split_last().unwrap();
+            let most = longest_step(earlier, step.signum(), line, change) + 1e-9;
             assert!(step.abs() <= velocity, "{step} deg in tick {tick} to {counts}");
             assert!(step.abs() <= most, "{step} of {most} deg in tick {tick} to {counts}");
-            (before, fastest) = (now, fastest.max(step.abs()));
-            steps.push(step);
+            fastest = fastest.max(step.abs());
         }
         if ticks >= 400 {
-            let goal = 2.0 * GAIN_DEG * f64::from(counts);
-            assert!((before - goal).abs() < 0.01, "{before} deg of {goal}");
+            let (at, goal) = (bench.pose_deg()[0], 2.0 * GAIN_DEG * f64::from(counts));
+            assert!((at - goal).abs() < 0.01, "{at} deg of {goal}");
         }
-        if ticks == 1000 {
-            // At full speed, and stopped.
+        if ticks == 1000 || ticks == 300 {
+            // Stopped at full speed: for long, or not yet at rest when it is to go back.
             for counts in (0..200).rev().step_by(2) {
                 assert_eq!(bench.actuator([counts, counts]), Refusal::None);
+                note(&bench, &mut steps);
             }
             assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
-            bench.run(1100);
+            note(&bench, &mut steps);
+            for _ in 0..if ticks == 1000 { 1100 } else { 12 } {
+                bench.tick();
+                note(&bench, &mut steps);
+            }
             assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
-            before = bench.pose_deg()[0];
-            steps.extend(vec![0.0; line + 3]);
+            note(&bench, &mut steps);
         }
     }
     assert!(fastest > 0.0195, "{fastest} deg in a tick");

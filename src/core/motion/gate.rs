@@ -372,8 +372,7 @@ impl<'a> GateTick<'a> {
         let (at, rest) = (axes.setpoints(), axes.rest_positions());
         let (from, here) = (poses.at(&self.setpoints)?, poses.at(&at)?);
         let step = difference(&here, &from);
-        let way =
-            if rest == at { OutputVec::default() } else { difference(&poses.at(&rest)?, &here) };
+        let way = difference(&poses.at(&rest)?, &here);
         let longest = bounds.longest_step(&step, &gate.steps);
         let farthest = bounds.longest_way(&way, &step, &gate.steps, axes.ticks_to_rest());
         let pairs = || [(step, longest), (way, farthest)].into_iter();

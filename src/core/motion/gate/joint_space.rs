@@ -37,7 +37,7 @@ impl JointSpace<'_> {
         leads_to: Option<&MotorVec>,
     ) -> Result<Option<Stop>, NotFinite> {
         let (joints, calibrated) = (self.joints, self.calibrated);
-        let bounds = joints.bounds().filter(|bounds| bounds.has_positions);
+        let bounds = joints.bounds();
         if bounds.is_none() && !self.fixtures.is_on() {
             return Ok(None);
         }
