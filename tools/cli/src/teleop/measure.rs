@@ -13,6 +13,8 @@ const SPEED_DEG_S: f64 = 2.0;
 const PERIOD: Nanos = Nanos::from_millis(5);
 const REST: Nanos = Nanos::from_millis(500);
 const LOOK: Nanos = Nanos::from_millis(1000);
+/// On a busy computer, images come late.
+const LONGEST_LOOK: Nanos = Nanos::from_millis(5000);
 const MIN_FRAMES: usize = 5;
 
 /// Camera reading: mean, right and up, deg, and the variance of that mean.
@@ -24,8 +26,7 @@ struct Seen {
 
 /// Moves pitch and yaw by a degree to both sides, and returns to the start.
 ///
-/// Both ends of a motion are reached from the same side, so that backlash is not mistaken for a
-/// rotation.
+/// Both ends of a motion are reached from the same side: backlash is not taken for a rotation.
 pub fn measure(client: &Client, interrupt: &Interrupt) -> Result<View, Failure> {
     let (commander, camera) = (client.commander(), Latest::new(client.watcher().external()));
     let pose = present_pose(client)?;
@@ -88,7 +89,8 @@ impl Mover<'_> {
         let mut ticker = Ticker::new(start + PERIOD, PERIOD, Nanos::ZERO);
         let (mut frames, mut last): (Vec<[f64; 2]>, _) = (Vec::new(), Nanos::ZERO);
         loop {
-            if ticker.wait().started.duration_since(start) > REST + LOOK {
+            let looked = ticker.wait().started.duration_since(start + REST);
+            if looked > if frames.len() < MIN_FRAMES { LONGEST_LOOK } else { LOOK } {
                 break;
             }
             self.send()?;
@@ -109,7 +111,7 @@ impl Mover<'_> {
                 "the view cannot be measured: {} images in {} s; start `i2ris vision`, or give \
                  the view by --view",
                 frames.len(),
-                LOOK.as_seconds()
+                LONGEST_LOOK.as_seconds()
             );
         }
         let mean = [0, 1].map(|axis| frames.iter().map(|frame| frame[axis]).sum::<f64>() / count);
