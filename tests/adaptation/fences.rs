@@ -163,8 +163,7 @@ fn zero_of_gapless_model_moves_at_most_one_degree() {
     trial.move_for(60.0);
     assert_eq!(trial.adaptation().method, Method::Integral);
     // Without a gap in the model, the integral follows the branches of the loop as well as the
-    // zero, up to its limit of a degree: its value does not measure the slip, so the error is
-    // judged.
+    // zero, up to a degree: its value does not measure the slip, so the error is judged.
     let mut without = AgeingRun::new(off, SNAKES[0], &linear, &[]);
     without.move_for(60.0);
     for trial in [&mut trial, &mut without] {

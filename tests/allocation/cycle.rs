@@ -38,8 +38,7 @@ fn run_session(bench: &mut Bench, models: &[Arc<Model>], session: u32) {
     assert_eq!(bench.state(), OperatingState::Disabled);
 }
 
-/// Forward, back, and forward again while angles are followed. The models are built before: that
-/// takes memory.
+/// Forward, back, and forward again while angles are followed, with models that are built before.
 fn swap_models(bench: &mut Bench, models: &[Arc<Model>], session: u32) {
     let here = bench.joints().setpoint.map(f64::to_degrees);
     assert_eq!(bench.joint(here[0], here[1]), Refusal::None);

@@ -72,8 +72,7 @@ fn goal_is_reached_again_after_rollback() {
     assert_eq!(bench.report().models.active, Some(first.id()));
     assert_eq!(bench.report().models.previous, Some(second.id()));
     hold(&mut bench, 3.0, -2.0, 150);
-    // In between it moved back and forth by some counts, which plays forget only as far as the
-    // goal requires.
+    // In between it moved back and forth by some counts; plays forget only what the goal requires.
     for (after, before) in bench.targets().iter().zip(before) {
         assert!((after - before).abs() <= 210, "{after} {before}");
     }

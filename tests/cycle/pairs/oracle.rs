@@ -319,8 +319,7 @@ impl Oracle {
 
     /// In a conditioning cycle, where only the gate limits it, motion speeds up from rest no faster
     /// over the time of a line than the acceleration lets it: as it is reported, because counts are
-    /// too coarse for that. A cycle that begins in motion begins with a stop, which only the motors
-    /// limit.
+    /// too coarse for that. In motion, it begins with a stop, which only the motors limit.
     fn check_start(&mut self, bench: &Bench) {
         let report = bench.report();
         let (Some(joint), Wire::Taut) = (report.joint, self.snake.wire) else { return };

@@ -1,6 +1,5 @@
 //! The setpoint path: the setpoint always lies between where it was and where it was expected to
-//! go. No stage may lead it further: neither the blend of a swap, which ends where expected, nor a
-//! correction.
+//! go. No stage may lead it further: no correction, and no blend of a swap, which ends there.
 
 use super::*;
 
@@ -15,8 +14,7 @@ const SPEED: usize = 10;
 /// Detour around a circle.
 const AROUND_DEG: f64 = 3.0;
 
-/// Pitch, yaw, and the same along the motors: either the angles do not arrive at the same time, or
-/// the motors.
+/// Pitch, yaw, and the same along the motors: angles or motors do not arrive at the same time.
 type Views = [f64; 4];
 
 fn views([pitch, yaw]: Angles) -> Views {

@@ -84,8 +84,7 @@ impl Situation {
         self.model.predict(counts, memory).mean
     }
 
-    /// The same without the residual of a family with gaps, which changes slowly and holds still
-    /// in an inverse.
+    /// The same without the residual of a family with gaps, which holds still in an inverse.
     pub fn pose(&self, counts: &MotorVec, memory: &Memory) -> OutputVec {
         if self.promise.has_gap {
             self.model.pose(counts, memory, &[0.0; 3])

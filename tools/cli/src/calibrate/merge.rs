@@ -1,5 +1,4 @@
-//! `i2ris calibrate merge`: combines the encoder counts of a recording with angles measured later,
-//! by their stamps.
+//! `i2ris calibrate merge`: combines recorded encoder counts with later angles, by their stamps.
 
 use std::path::PathBuf;
 

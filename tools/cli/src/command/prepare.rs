@@ -1,5 +1,4 @@
-//! Connects to a controller, brings the robot to ENABLED, and waits for the effect of state
-//! commands.
+//! Connects to a controller, enables the robot, and waits for the effect of state commands.
 
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand};

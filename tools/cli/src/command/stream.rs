@@ -1,5 +1,4 @@
-//! Streams a trajectory to the controller: its output, and how it resumes after the controller
-//! stopped the snake.
+//! Streams a trajectory: its output, and how it resumes after the controller stopped the snake.
 
 use i2ris::ipc::client::{Client, ClientError, Commander, Latest, Subscription};
 use i2ris::ipc::payload::{ExternalPosition, JointState, OperatingStateMsg};

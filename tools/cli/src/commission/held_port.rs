@@ -44,8 +44,7 @@ impl HeldPort {
         let (kind, flags) = (SockType::SeqPacket, SockFlag::SOCK_CLOEXEC);
         let (ours, theirs) = socketpair(AddressFamily::Unix, kind, None, flags).map_err(fail)?;
         let parent = getpid();
-        // SAFETY: the other thread of this process waits for a signal and holds no lock that the
-        // child could need.
+        // SAFETY: the other thread waits for a signal and holds no lock that the child could need.
         match unsafe { fork() }.map_err(fail)? {
             ForkResult::Parent { child } => Ok(Self { child, socket: ours.into() }),
             ForkResult::Child => {

@@ -1,5 +1,4 @@
-//! The final page: stages, findings with evidence, currents, exchanges, and the proposed
-//! configuration.
+//! The final page: stages, findings with evidence, currents, exchanges, proposed configuration.
 
 use std::fmt::Write as _;
 

@@ -1,6 +1,5 @@
 //! Whole commissionings in simulated time: every combination of the unknowns, on both families and
-//! all lines, with healthy and wrong benches. Judged at the emulated motors, not by the output of
-//! the commissioning.
+//! all lines, with healthy and wrong benches. Judged at the emulated motors, not by the output.
 
 use std::path::{Path, PathBuf};
 use std::{cell::Cell, collections::BTreeMap, rc::Rc, thread};

@@ -217,8 +217,7 @@ impl Motion {
             };
             let less = |axis: usize, term| camera[axis].row(term) - estimate[axis].row(term);
             let offset_deg = 0.5 * (less(0, 0) + less(1, 0));
-            // Counts lost when a motor reverses, with or against the axis, by the motion that shows
-            // more.
+            // Counts lost when a motor reverses, by the motion that shows more.
             let lost = |motor: usize| {
                 let in_swing = |axis: usize| {
                     let counts = (counts_per_deg * less(axis, 3))[motor];

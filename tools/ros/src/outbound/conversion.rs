@@ -85,8 +85,7 @@ pub(super) fn twist(snake: &Snake, state: Option<&Payload>, now: &Moment) -> Twi
     }
 }
 
-/// Linear and angular velocity of the tip by those of the joints, row by row. No stamp, so `None`
-/// without angles.
+/// Linear and angular velocity of the tip by that of the joints, by rows; `None` without angles.
 pub(super) fn jacobian(snake: &Snake, state: Option<&Payload>, now: &Moment) -> Option<MultiArray> {
     let jacobian = snake.jacobian(bend(valid(state, now)?));
     let (rows, columns) = (jacobian.len() as u32, jacobian[0].len() as u32);

@@ -180,8 +180,7 @@ impl Outbound {
         }
     }
 
-    /// Sends the state to new readers with its old stamp: clients ignore what is older than a
-    /// command.
+    /// Sends the state to new readers with its old stamp: clients ignore what precedes a command.
     fn greet(&mut self, now: Nanos) {
         let (left, due) = self.greetings;
         if left > 0 && now >= due {

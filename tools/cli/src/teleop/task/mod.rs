@@ -2,8 +2,7 @@
 //! target), and holding still.
 //!
 //! The target is published, so that the monitor shows it and a recording has it; `i2ris record
-//! report` scores it, by the camera's angles if there is a camera, otherwise by the model's
-//! estimate.
+//! report` scores it, by the angles of a camera, or without one by the model's estimate.
 
 mod follow;
 mod reach;
