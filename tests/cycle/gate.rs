@@ -223,8 +223,7 @@ fn counts_and_conditioning_keep_the_joint_limits() {
     assert!(rests.count() >= 16, "the cycle waits for its motors");
 }
 
-/// Counts bypass the joint filters, so only the gate limits them: from rest again after a stop, and
-/// no more than necessary.
+/// Counts bypass the joint filters: only the gate limits them, and no more than necessary.
 #[test]
 fn jumping_counts_keep_velocity_and_acceleration_limits() {
     let tables = "[joint_limits]\nvelocity_deg_s = 20.0\nacceleration_deg_s2 = 600.0\n\

@@ -148,8 +148,7 @@ proptest! {
             prop_assert!(distance(hull.project(&nearest), nearest) <= TOLERANCE_COUNTS);
             let reach = distance(nearest, [a, b]);
             prop_assert!(points.iter().all(|point| reach <= distance(*point, [a, b]) + 1e-6));
-            // A projection on a convex region is nearest if no corner lies beyond it in the
-            // direction of the point.
+            // A projection on a convex region is nearest if no corner lies beyond it that way.
             let ahead =
                 |p: &[f64; 2]| {
                     (p[0] - nearest[0]) * (a - nearest[0]) + (p[1] - nearest[1]) * (b - nearest[1])

@@ -36,7 +36,7 @@ use motion::{LENGTH_S, Observer, Pair, Plan, Series};
   i2ris preflight --enable --json    in a script: permit enabling and motion
 
 Checks drives, model, zero, lines, camera, clock, disk and watchdog, and swings the snake by less
-than 2 deg to one side, in pitch and then in yaw, for half a minute. The next `i2ris record trial
+than 3 deg to one side, in pitch and then in yaw, for half a minute. The next `i2ris record trial
 start` stores the result, and warns if there was no check in the last hour. On Ctrl-C the robot
 stops and holds.")]
 pub struct Arguments {
@@ -224,7 +224,7 @@ fn swing_if_permitted(
     // A script gives permission by `--enable` or `--home`.
     if !options.is_given() {
         let question = format!(
-            "The snake will swing by less than 2 deg to one side and back, in pitch, then in yaw, \
+            "The snake will swing by less than 3 deg to one side and back, in pitch, then in yaw, \
              for {LENGTH_S:.0} s. The drives will be powered. Is one hand on the switch of the \
              motor supply, and the snake out of the eye?"
         );

@@ -1,7 +1,6 @@
 //! `i2ris doctor`: one line for each condition of a moving robot, with the fix.
 //!
-//! Nothing is changed: drives are read, not written. A running controller holds the ports, and the
-//! drives cannot be read.
+//! Nothing is changed: drives are read, not written; while a controller runs, not even read.
 
 mod config;
 mod devices;

@@ -18,19 +18,18 @@ const MIN_SEEN_SHARE: f64 = 0.8;
 const MAX_SCATTER_DEG: f64 = 0.2;
 /// Maximum lag of the encoders, s, in addition to the line latency of writing.
 const LATEST_FOLLOW_S: f64 = 0.015;
-/// Maximum lag of the camera, s. A gap that is wider or narrower than the model's is crossed later
-/// or earlier within the motor limits, which looks like a lag.
+/// Maximum lag of the camera, s. A gap that differs from the model's looks like a lag, too.
 const LATEST_STAMP_S: f64 = 0.1;
 /// Minimum encoder motion, relative to the setpoint motion.
 const MIN_FOLLOWED_SHARE: f64 = 0.8;
-/// Gain relative to the model: below it, with both motors, no motion; above it, another snake.
+/// Gain relative to the model: below it with both motors, no motion; outside these, another snake.
 const MIN_GAIN: f64 = 0.25;
+const LOW_GAIN: f64 = 0.5;
 const MAX_GAIN: f64 = 1.6;
 /// Gain relative to the other motor: below `WEAK`, a wire is slack; below `EQUAL`, another snake.
 const WEAK: f64 = 0.6;
 const EQUAL: f64 = 0.75;
-/// Scale of a correct camera; permitted scale within `FAR_DEG` of the straight pose, where the
-/// scale has little effect on the pose.
+/// Scale of a correct camera; and within `FAR_DEG` of the straight pose, where it matters little.
 const RIGHT_SCALE: std::ops::RangeInclusive<f64> = 0.92..=1.2;
 const SCALE_OF_ANY: std::ops::RangeInclusive<f64> = 0.8..=1.45;
 const FAR_DEG: f64 = 2.0;
@@ -308,11 +307,13 @@ fn fault(seen: &Seen) -> Option<(&'static str, String, &'static str)> {
         let found = format!("both axes show {scale:.2} times the motion of the model");
         return Some(("camera", found, SCALE));
     }
-    let is_whole = cross < MAX_CROSS_GAIN && low > 0.5 && high < MAX_GAIN;
+    // Stamps that are late by a quarter of a turn leave hardly any gain, with both motors.
+    let is_even = low >= EQUAL * high;
+    let is_whole = cross < MAX_CROSS_GAIN && high < MAX_GAIN && (low > LOW_GAIN || is_even);
     if is_whole && seen.late_s.abs() > LATEST_STAMP_S {
         return Some(("clock", format!("stamps are {:.0} ms late", seen.late_s * 1e3), STAMPS));
     }
-    let is_other = cross > MAX_CROSS_GAIN || low < EQUAL * high || high > MAX_GAIN;
+    let is_other = cross > MAX_CROSS_GAIN || !is_even || low < LOW_GAIN || high > MAX_GAIN;
     // A motor that shows too little compared with the other, or loses more.
     match [0, 1].map(|motor| motors[motor] < WEAK * high || lost[motor] > MAX_LOST_COUNTS) {
         [true, true] => Some(("snake", shown, CALIBRATE)),

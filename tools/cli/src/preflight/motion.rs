@@ -15,10 +15,11 @@ use nalgebra::{Matrix2, Matrix4, Matrix4x2, Vector2, Vector4};
 /// Pitch and yaw, or both motors.
 pub type Pair = Vector2<f64>;
 
-/// Half of the swing, deg. The snake moves twice this to one side of the present pose.
-const HALF_SWING_DEG: f64 = 0.5;
-/// Maximum distance from the start, independent of the model, deg.
-pub const FARTHEST_DEG: f64 = 1.9;
+/// Half of the swing, deg, to one side of the present pose. With less, the 0.1 deg that a good
+/// model leaves look like another gain.
+const HALF_SWING_DEG: f64 = 0.75;
+/// Largest distance from the start, deg.
+const FARTHEST_DEG: f64 = 2.85;
 /// Duration and number of turns: slow ones, the first of which only sets the memory, and fast ones.
 const SLOW_S: f64 = 4.0;
 const SLOW_TURNS: f64 = 2.0;

@@ -96,8 +96,7 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let named_both = "motor 0: output current limit (0x3001:02) 301 -> 300\nmotor 1: output";
     assert_says(&result.output, &[named_both]);
 
-    // A model of that drive is refused without --other-drive; a model with other configured limits
-    // is of the same drive.
+    // A model of that drive needs --other-drive; one with other configured limits does not.
     let sample = rig.sample_model("sample.json", "rig", 1.0);
     let mut file = ModelFile::parse(&fs::read_to_string(&sample).unwrap()).unwrap();
     let mut limited = drives.clone();
