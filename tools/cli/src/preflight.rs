@@ -28,17 +28,17 @@ use crate::command::stream::present_pose;
 use crate::command::stream_monitor::{StopReason, StreamMonitor};
 use crate::procedure::{Person, Terminal};
 use judgement::{CAMERA, CONDITION, CameraFacts, Measured, PICTURE, Swing, judge};
-use motion::{LENGTH_S, Observer, Pair, Plan, Series};
+use motion::{FARTHEST_DEG, LENGTH_S, Observer, Pair, Plan, SWING_DEG, Series};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris preflight                    asks before the snake moves
   i2ris preflight --enable --json    in a script: permit enabling and motion
 
-Checks drives, model, zero, lines, camera, clock, disk and watchdog, and swings the snake by less
-than 3 deg to one side, in pitch and then in yaw, for half a minute. The next `i2ris record trial
-start` stores the result, and warns if there was no check in the last hour. On Ctrl-C the robot
-stops and holds.")]
+Checks drives, model, zero, lines, camera, clock, disk and watchdog, and swings the snake by 1.5
+deg to one side, in pitch and then in yaw, for half a minute. The next `i2ris record trial start`
+stores the result, and warns if there was no check in the last hour. On Ctrl-C the robot stops and
+holds.")]
 pub struct Arguments {
     /// The configuration of the controller [default: the one it was started with]
     #[arg(long, value_name = "FILE")]
@@ -224,9 +224,10 @@ fn swing_if_permitted(
     // A script gives permission by `--enable` or `--home`.
     if !options.is_given() {
         let question = format!(
-            "The snake will swing by less than 3 deg to one side and back, in pitch, then in yaw, \
-             for {LENGTH_S:.0} s. The drives will be powered. Is one hand on the switch of the \
-             motor supply, and the snake out of the eye?"
+            "The snake will swing by {SWING_DEG} deg to one side and back, in pitch, then in yaw, \
+             for {LENGTH_S:.0} s; if the camera sees it {FARTHEST_DEG} deg away, it stops. The \
+             drives will be powered. Is one hand on the switch of the motor supply, and the snake \
+             out of the eye?"
         );
         let Some(person) = &mut person else { return none(NOBODY) };
         if !is_yes(person, &question) {

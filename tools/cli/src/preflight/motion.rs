@@ -15,11 +15,11 @@ use nalgebra::{Matrix2, Matrix4, Matrix4x2, Vector2, Vector4};
 /// Pitch and yaw, or both motors.
 pub type Pair = Vector2<f64>;
 
-/// Half of the swing, deg, to one side of the present pose. With less, the 0.1 deg that a good
-/// model leaves look like another gain.
-const HALF_SWING_DEG: f64 = 0.75;
+/// The swing to one side of the present pose, deg. With less, the 0.1 deg that a good model leaves
+/// look like another gain.
+pub const SWING_DEG: f64 = 1.5;
 /// Largest distance from the start, deg.
-const FARTHEST_DEG: f64 = 2.85;
+pub const FARTHEST_DEG: f64 = 2.7;
 /// Duration and number of turns: slow ones, the first of which only sets the memory, and fast ones.
 const SLOW_S: f64 = 4.0;
 const SLOW_TURNS: f64 = 2.0;
@@ -51,7 +51,7 @@ impl Plan {
 
     /// Half of the swing, towards the middle of the range.
     fn half_swing(&self, axis: usize) -> f64 {
-        -HALF_SWING_DEG * if self.start[axis] > 0.0 { 1.0 } else { -1.0 }
+        -0.5 * SWING_DEG * if self.start[axis] > 0.0 { 1.0 } else { -1.0 }
     }
 
     /// Pitch and yaw, deg, at a time from the beginning; the start before and after.
