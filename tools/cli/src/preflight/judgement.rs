@@ -18,7 +18,7 @@ const MIN_SEEN_SHARE: f64 = 0.8;
 const MAX_SCATTER_DEG: f64 = 0.2;
 /// Maximum lag of the encoders, s, in addition to the line latency of writing.
 const LATEST_FOLLOW_S: f64 = 0.015;
-/// Maximum lag of the camera, s. A gap that differs from the model's looks like a lag, too.
+/// Maximum lag of the camera, s. A gap that differs from the model's looks like a lag.
 const LATEST_STAMP_S: f64 = 0.1;
 /// Minimum encoder motion, relative to the setpoint motion.
 const MIN_FOLLOWED_SHARE: f64 = 0.8;

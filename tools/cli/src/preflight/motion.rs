@@ -15,8 +15,7 @@ use nalgebra::{Matrix2, Matrix4, Matrix4x2, Vector2, Vector4};
 /// Pitch and yaw, or both motors.
 pub type Pair = Vector2<f64>;
 
-/// The swing to one side of the present pose, deg. With less, the 0.1 deg that a good model leaves
-/// look like another gain.
+/// The swing, deg. With less, the 0.1 deg that a good model leaves look like another gain.
 pub const SWING_DEG: f64 = 1.5;
 /// Largest distance from the start, deg.
 pub const FARTHEST_DEG: f64 = 2.7;
