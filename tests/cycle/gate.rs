@@ -270,6 +270,7 @@ fn jumping_counts_keep_velocity_and_acceleration_limits() {
             }
             assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
             note(&bench, &mut steps);
+            assert_eq!(steps.ends_with(&[0.0]), ticks == 1000);
         }
     }
     assert!(fastest > 0.0195, "{fastest} deg in a tick");

@@ -154,8 +154,7 @@ impl Scene {
     }
 }
 
-/// Time until the robot held without commands, and until the drives stopped without a controller,
-/// ms. `None` if this process is the suspended one.
+/// Times to a hold without commands and to a stop without a controller, ms; `None`: suspended.
 fn run(subject: Subject, trouble: Trouble) -> [Option<u64>; 2] {
     let mut scene = Scene::new(subject, trouble);
     let is_stopped = trouble == Trouble::Stopped;

@@ -223,11 +223,12 @@ fn swing_if_permitted(
     }
     // A script gives permission by `--enable` or `--home`.
     if !options.is_given() {
+        let limit = |_| format!("if the camera sees it {FARTHEST_DEG} deg away, it stops");
+        let stop = measured.camera.map_or("no camera limits it".to_owned(), limit);
         let question = format!(
             "The snake will swing by {SWING_DEG} deg to one side and back, in pitch, then in yaw, \
-             for {LENGTH_S:.0} s; if the camera sees it {FARTHEST_DEG} deg away, it stops. The \
-             drives will be powered. Is one hand on the switch of the motor supply, and the snake \
-             out of the eye?"
+             for {LENGTH_S:.0} s; {stop}. The drives will be powered. Is one hand on the switch \
+             of the motor supply, and the snake out of the eye?"
         );
         let Some(person) = &mut person else { return none(NOBODY) };
         if !is_yes(person, &question) {

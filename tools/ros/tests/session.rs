@@ -46,8 +46,8 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     clock::sleep(Nanos::from_millis(1100));
     peer.hold();
     clock::sleep(Nanos::from_millis(200));
-    let [before, _] = peer.setpoint_degrees();
     wait_until("the snake follows the steps", || {
+        let [before, _] = peer.setpoint_degrees();
         repeat(50, 5, |_| peer.send_degrees("servo_jr", [0.02, 0.0]));
         // A stream that a busy computer held up may begin again after a silence.
         clock::sleep(Nanos::from_millis(1100));

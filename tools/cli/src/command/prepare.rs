@@ -51,8 +51,7 @@ pub fn prepare(
         state = carry_out(client, StateCommand::Resume, interrupt)?;
     }
     if enable && enabled(&state) == Err(StopReason::NotEnabled(OperatingState::Disabled)) {
-        // Starting drives do not know yet whether they have kept their zero. The command waits for
-        // them, and is refused if they have not.
+        // The command waits for starting drives, and is refused if they have not kept their zero.
         state = match carry_out(client, StateCommand::Enable, interrupt) {
             Err(failure) if is_not_homed(&failure) && options.home => {
                 carry_out(client, StateCommand::Home, interrupt)?;

@@ -120,8 +120,7 @@ impl StreamMonitor {
         self.waits = true;
     }
 
-    /// Whether the motion may continue. After a restart it must wait: a controller that reads late
-    /// finds the newest command too far away again.
+    /// Whether the motion may continue. After a restart it waits: late readers see too large a step.
     pub fn may_continue(&self) -> bool {
         !self.waits
     }

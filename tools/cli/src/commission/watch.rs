@@ -1,7 +1,6 @@
 //! Motion limits and supervision of every motion of the commissioning.
 //!
-//! A [`Permit`] results from a typed [`Permission`], and [`Watch`] judges the readings of the drive
-//! while it has power. No I/O, no clock.
+//! A typed [`Permission`] gives a [`Permit`]; [`Watch`] judges a powered drive. No I/O, no clock.
 
 use i2ris::{drive::cia402::DriveState, drive::error::AxisError, units::Nanos};
 

@@ -20,6 +20,8 @@ const MAX_SCATTER_DEG: f64 = 0.2;
 const LATEST_FOLLOW_S: f64 = 0.015;
 /// Maximum lag of the camera, s. A gap that differs from the model's looks like a lag.
 const LATEST_STAMP_S: f64 = 0.1;
+/// Maximum lag of an image by play in the gears, s.
+const OF_PLAY_S: f64 = 0.3;
 /// Minimum encoder motion, relative to the setpoint motion.
 const MIN_FOLLOWED_SHARE: f64 = 0.8;
 /// Gain relative to the model: below it with both motors, no motion; outside these, another snake.
@@ -287,9 +289,8 @@ fn is_scaled(seen: &Seen, scale: f64) -> bool {
 }
 
 /// Finds the fault between motors and image. First those that make the rest meaningless: no motion,
-/// wrong axes or signs, a wrong scale, late stamps; the last only if the motion has the right size.
-/// Then motors for which the model is wrong.
-fn fault(seen: &Seen) -> Option<(&'static str, String, &'static str)> {
+/// wrong axes or signs, a wrong scale, late stamps. Then motors for which the model is wrong.
+pub(super) fn fault(seen: &Seen) -> Option<(&'static str, String, &'static str)> {
     let (gain, lost) = (seen.gain, seen.lost_counts);
     let (motors, cross) = (gain.diagonal(), gain[(0, 1)].abs().max(gain[(1, 0)].abs()));
     let (low, high, scale) = (motors.min(), motors.max(), motors.mean());
@@ -303,17 +304,20 @@ fn fault(seen: &Seen) -> Option<(&'static str, String, &'static str)> {
     if cross > motors.amax() || low < -0.3 {
         return Some(("motors", format!("swapped, or turning the other way: {shown}"), SWAPPED));
     }
-    if high - low < EVEN * scale && cross < EVEN * scale && is_scaled(seen, scale) {
+    let late_s = seen.late_s.abs();
+    let is_late = late_s > LATEST_STAMP_S;
+    if high - low < EVEN * scale && cross < EVEN * scale && !is_late && is_scaled(seen, scale) {
         let found = format!("both axes show {scale:.2} times the motion of the model");
         return Some(("camera", found, SCALE));
     }
-    // Stamps that are late by a quarter of a turn leave hardly any gain, with both motors.
-    let is_even = low >= EQUAL * high;
-    let is_whole = cross < MAX_CROSS_GAIN && high < MAX_GAIN && (low > LOW_GAIN || is_even);
-    if is_whole && seen.late_s.abs() > LATEST_STAMP_S {
-        return Some(("clock", format!("stamps are {:.0} ms late", seen.late_s * 1e3), STAMPS));
+    // Both late stamps and play in both gears leave less gain; play never has so great a lag.
+    let is_even = low >= EQUAL * high && high < MAX_GAIN && cross < MAX_CROSS_GAIN;
+    if is_late && is_even {
+        let is_play = low < LOW_GAIN && late_s < OF_PLAY_S;
+        let (name, fix) = if is_play { ("gear", LOOSE) } else { ("clock", STAMPS) };
+        return Some((name, format!("the image is {:.0} ms late; {shown}", 1e3 * seen.late_s), fix));
     }
-    let is_other = cross > MAX_CROSS_GAIN || !is_even || low < LOW_GAIN || high > MAX_GAIN;
+    let is_other = !is_even || low < LOW_GAIN;
     // A motor that shows too little compared with the other, or loses more.
     match [0, 1].map(|motor| motors[motor] < WEAK * high || lost[motor] > MAX_LOST_COUNTS) {
         [true, true] => Some(("snake", shown, CALIBRATE)),

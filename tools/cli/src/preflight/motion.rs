@@ -17,7 +17,7 @@ pub type Pair = Vector2<f64>;
 
 /// The swing, deg. With less, the 0.1 deg that a good model leaves look like another gain.
 pub const SWING_DEG: f64 = 1.5;
-/// Largest distance from the start, deg.
+/// Largest distance from the start for the camera, independent of the model, deg.
 pub const FARTHEST_DEG: f64 = 2.7;
 /// Duration and number of turns: slow ones, the first of which only sets the memory, and fast ones.
 const SLOW_S: f64 = 4.0;
@@ -173,8 +173,7 @@ impl Observer {
     }
 }
 
-/// The motion: camera relative to the model. "Counts of a motor" for an angle are those that bend
-/// the snake by that angle in the model.
+/// The motion: camera relative to the model. Counts "for an angle" bend the model by that angle.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion {
     pub seen: Option<Seen>,
@@ -183,7 +182,7 @@ pub struct Motion {
     pub followed: f64,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Seen {
     /// Observed motion per motion of each motor: the unit matrix if the model is right.
     pub gain: Matrix2<f64>,

@@ -15,11 +15,12 @@ use i2ris_simulation::camera::{Camera, CameraConfig, CameraFault, TimedCameraFau
 use i2ris_simulation::closed_loop::{ClosedLoop, Motors};
 use i2ris_simulation::physics::{DrawnSnake, Physics};
 use i2ris_simulation::{drive::MotorConfig, motion::protocol::Protocol, robot::Robot};
+use nalgebra::Matrix2;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::judgement::{CameraFacts, Measured, Swing, judge};
-use super::motion::{LENGTH_S, Observer, Pair, Plan, Series};
+use super::judgement::{CameraFacts, Measured, Swing, fault, judge};
+use super::motion::{LENGTH_S, Observer, Pair, Plan, Seen, Series};
 use super::{NOBODY, PAUSED};
 use crate::doctor::Report;
 
@@ -314,8 +315,7 @@ pub fn output_of(bench: &str) -> Report {
     judge(&measured)
 }
 
-/// Counts the correct judgements: failures, in turn, that are named first, and healthy robots (one
-/// for `every` failures) that are go.
+/// Counts failures that are named first, and healthy robots (one for `every` failures) that are go.
 fn count(draws: usize, every: usize, of: &Calibrated) -> [usize; 2] {
     let judge_one = |seed: usize| {
         let (failure, name) = FAILURES[seed % FAILURES.len()];
@@ -331,6 +331,19 @@ fn count(draws: usize, every: usize, of: &Calibrated) -> [usize; 2] {
     };
     let judged = parallel::map(draws, judge_one);
     [0, 1].map(|which| judged.iter().filter(|right| right[which]).count())
+}
+
+#[test]
+fn low_gain_of_both_motors_is_named_by_the_lag() {
+    for (gain, late_s, name) in
+        [(0.9, 0.15, "clock"), (0.45, -0.42, "clock"), (0.4, 0.16, "gear"), (0.4, 0.0, "snake")]
+    {
+        let (gain, place_deg) = (gain * Matrix2::identity(), Pair::new(6.0, -6.0));
+        let far = Seen { gain, place_deg, late_s, ..Seen::default() };
+        let near = Seen { place_deg: Pair::zeros(), ..far };
+        assert_eq!(fault(&far).unwrap().0, name);
+        assert_eq!(fault(&near).unwrap().0, if late_s == 0.0 { "camera" } else { name });
+    }
 }
 
 #[test]

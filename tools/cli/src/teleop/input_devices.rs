@@ -87,8 +87,7 @@ impl InputDevices {
 /// The known steering device, and a known pedal. Fails if there are several, or none.
 ///
 /// One device has several files: a DualSense has pad, sensors and touchpad, a pedal keys and mouse,
-/// a SpaceMouse reports and events. Only a file with all controls of the profile is used, and
-/// reports are preferred to events.
+/// a SpaceMouse reports and events. A file with all controls is used, and rather one of reports.
 fn only_known(found: &[Found], profiles: &[Profile]) -> Result<Vec<PathBuf>, Failure> {
     let list = found.iter().map(|found| format!("\n  {}", finder::line(found, profiles)));
     let list = list.collect::<String>();

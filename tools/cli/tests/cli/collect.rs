@@ -1,5 +1,4 @@
-//! `i2ris calibrate collect` against a controller without drives and a camera without a lens; then
-//! a whole calibration on emulated drives.
+//! `i2ris calibrate collect` without drives, without a lens, and on emulated drives.
 
 use std::{fs, path::Path};
 

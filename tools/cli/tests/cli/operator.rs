@@ -6,13 +6,13 @@
 //! with each other, and say nothing about people.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::{f64::consts::TAU, mem::replace, sync::Mutex, thread};
+use std::{f64::consts::TAU, sync::Mutex, thread};
 
 use i2ris::ipc::client::{Client, ExternalPublisher, Subscription};
 use i2ris::{clock, ipc::Domain, ipc::payload::TeleopMsg, units::Nanos};
 use i2ris_simulation::Emulator;
 use i2ris_teleop::space_mouse;
-use i2ris_testing::bench::{end, interrupt, robot, start};
+use i2ris_testing::bench::{interrupt, robot, start};
 use i2ris_testing::{SetOnDrop, TIMEOUT, home_and_enable, wait_until};
 use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::{image::GreyImage, scene_setup::setup};
@@ -238,21 +238,14 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
         let measure = if is_measured { " --view measure" } else { "" };
         let (file, profile) = (mouse.file(), mouse.patient_profile());
         let words = format!("teleop --device {file} --profile {profile}");
-        let begin = || start(&domain, &format!("{words} --speed-deg-s {SPEED_DEG_S}{measure}"));
-        let mut program = begin();
+        let program = start(&domain, &format!("{words} --speed-deg-s {SPEED_DEG_S}{measure}"));
         let watcher = Client::connect(&domain, TIMEOUT).unwrap();
         let (picture, teleop) = (&picture, watcher.watcher().teleop());
         let (is_open, is_lost, tremble, assumed) = (true, false, false, [[0.0; 2]; 2]);
         let mut operator = Operator { mouse, picture, teleop, is_open, is_lost, tremble, assumed };
         let is_known =
             |message: TeleopMsg| is_measured == (message.flags & TeleopMsg::VIEW_MEASURED != 0);
-        wait_until("the view is known", || {
-            if program.child().try_wait().unwrap().is_some() {
-                // On a busy computer images and motions may be late: it is repeated.
-                println!("{}", end(replace(&mut program, begin())).error);
-            }
-            operator.teleop.newest().unwrap().is_some_and(is_known)
-        });
+        wait_until("the view is known", || operator.teleop.newest().unwrap().is_some_and(is_known));
         operator.grip();
         let reached = targets.iter().map(|target| operator.reach(*target)).collect();
         interrupt(program);

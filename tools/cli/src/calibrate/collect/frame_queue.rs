@@ -1,5 +1,4 @@
-//! Camera frames waiting for their place in the recording, and for the next frame, which shows
-//! whether they are outliers. Pure.
+//! Camera frames waiting for their place in the recording, and for the next, which shows outliers.
 
 use std::collections::VecDeque;
 

@@ -2,7 +2,7 @@
 //!
 //! Every position of motor 0 makes a row, with the other motor between its own positions around
 //! that instant; every frame makes a row with its angles and both motors between their positions
-//! around its stamp. A row is written once nothing that belongs before it can still arrive.
+//! around its stamp. A row is written once all that may come before it has had time to arrive.
 
 use std::io::{self, Write};
 

@@ -46,8 +46,7 @@ impl Guided<'_> {
         let [.., error] = rms_deg(&recorder.errors_since(0));
         let model = Model::load(&self.arguments.folder.join(self.progress.model_file()))?;
         let fits = model.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training).rmsd);
-        let stated_deg = fits.fold(0.0, f64::hypot);
-        let limit = 2.0 * stated_deg + ADDED_DEG;
+        let limit = 2.0 * fits.fold(0.0, f64::hypot) + ADDED_DEG;
         Ok((error.is_nan() || error > limit).then(|| {
             let measured = format!("the camera measured a tracking error of {error:.2} deg RMS");
             let unseen = "the camera did not see the circle".to_owned();

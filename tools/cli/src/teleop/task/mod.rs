@@ -28,8 +28,7 @@ pub type Seen = Option<(Nanos, Angles)>;
 pub trait Course {
     fn is_finished(&self) -> bool;
 
-    /// Adds new angles, and returns the last message of a target that ends now. A task begins when
-    /// the clutch first closes, so that waiting costs no time.
+    /// Adds angles; returns the last message of a target that ends. A task begins with the clutch.
     fn update(&mut self, now: Nanos, is_engaged: bool, seen: Seen) -> Option<ReachTarget>;
 
     fn message(&self, now: Nanos) -> Option<ReachTarget>;

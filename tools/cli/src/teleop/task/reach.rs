@@ -1,5 +1,4 @@
-//! Targets one after the other: each is held when the mean of the last 200 ms has been within the
-//! tolerance for the whole time.
+//! Targets in turn: each is held when the mean of 200 ms was within the tolerance all the time.
 
 use std::{collections::VecDeque, f64::consts::TAU};
 

@@ -1,5 +1,4 @@
-//! The README and the manual against the programs: commands run as printed, options exist, links
-//! lead somewhere, listings are the files.
+//! README and manual against the programs: commands run, options, links and listings are right.
 
 mod commands;
 mod printed;
