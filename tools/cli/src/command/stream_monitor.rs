@@ -120,7 +120,7 @@ impl StreamMonitor {
         self.waits = true;
     }
 
-    /// Whether the motion may continue. After a restart it waits: late readers see too large a step.
+    /// Whether the motion may continue. After a restart it waits: late readers see a large step.
     pub fn may_continue(&self) -> bool {
         !self.waits
     }

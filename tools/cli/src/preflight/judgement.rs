@@ -315,7 +315,7 @@ pub(super) fn fault(seen: &Seen) -> Option<(&'static str, String, &'static str)>
     if is_late && is_even {
         let is_play = low < LOW_GAIN && late_s < OF_PLAY_S;
         let (name, fix) = if is_play { ("gear", LOOSE) } else { ("clock", STAMPS) };
-        return Some((name, format!("the image is {:.0} ms late; {shown}", 1e3 * seen.late_s), fix));
+        return Some((name, format!("the image lags by {:.0} ms; {shown}", 1e3 * seen.late_s), fix));
     }
     let is_other = !is_even || low < LOW_GAIN;
     // A motor that shows too little compared with the other, or loses more.
