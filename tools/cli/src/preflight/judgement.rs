@@ -304,8 +304,7 @@ pub(super) fn fault(seen: &Seen) -> Option<(&'static str, String, &'static str)>
     if cross > motors.amax() || low < -0.3 {
         return Some(("motors", format!("swapped, or turning the other way: {shown}"), SWAPPED));
     }
-    let late_s = seen.late_s.abs();
-    let is_late = late_s > LATEST_STAMP_S;
+    let is_late = seen.late_s.abs() > LATEST_STAMP_S;
     if high - low < EVEN * scale && cross < EVEN * scale && !is_late && is_scaled(seen, scale) {
         let found = format!("both axes show {scale:.2} times the motion of the model");
         return Some(("camera", found, SCALE));
@@ -313,9 +312,10 @@ pub(super) fn fault(seen: &Seen) -> Option<(&'static str, String, &'static str)>
     // Both late stamps and play in both gears leave less gain; play never has so great a lag.
     let is_even = low >= EQUAL * high && high < MAX_GAIN && cross < MAX_CROSS_GAIN;
     if is_late && is_even {
-        let is_play = low < LOW_GAIN && late_s < OF_PLAY_S;
+        let is_play = low < LOW_GAIN && seen.late_s.abs() < OF_PLAY_S;
         let (name, fix) = if is_play { ("gear", LOOSE) } else { ("clock", STAMPS) };
-        return Some((name, format!("the image lags by {:.0} ms; {shown}", 1e3 * seen.late_s), fix));
+        let found = format!("the image lags by {:.0} ms; {shown}", 1e3 * seen.late_s);
+        return Some((name, found, fix));
     }
     let is_other = !is_even || low < LOW_GAIN;
     // A motor that shows too little compared with the other, or loses more.
