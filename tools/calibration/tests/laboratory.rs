@@ -117,8 +117,7 @@ fn the_slack_zone_of_the_echo_probe_is_accepted() {
     }
 }
 
-/// A recording with the outputs of a bent, saturating curve with plays, mm; `unseen` is the push of
-/// a third motor, as a part of its maximum.
+/// A bent, saturating curve with plays, mm; `unseen` is how hard a third motor pushes, at most 1.
 fn unseen_input(
     path: &[[f64; 2]],
     mut unseen: impl FnMut(usize) -> f64,

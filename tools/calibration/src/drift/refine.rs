@@ -23,8 +23,7 @@ const WORSE: f64 = 1.5;
 /// A number differs from its calibration beyond this many deviations.
 const SIGNIFICANT: f64 = 3.0;
 
-/// Limits of a drift; beyond them the shape of the model is not trusted: zero, deg (mm); gain;
-/// growth and loss of a gap.
+/// Limits of a drift; beyond, no shape is trusted: zero, deg (mm); gain; growth and loss of a gap.
 const FAR: [f64; 4] = [3.0, 0.2, 0.6, 0.3];
 
 /// Recommended action.

@@ -133,8 +133,7 @@ impl<const N: usize> EmResult<N> {
 const ROUNDS: usize = 10;
 
 /// A random start with `components` Gaussians, or as many as distinct rows: k-means++ seeds (D.
-/// Arthur, S. Vassilvitskii, "k-means++: the advantages of careful seeding", 2007), k-means, one
-/// Gaussian per cluster.
+/// Arthur, S. Vassilvitskii, "k-means++", 2007), k-means, one Gaussian per cluster.
 pub(super) fn random_start<const N: usize>(
     samples: &Samples<N>,
     components: usize,

@@ -57,8 +57,7 @@ pub fn most_components(rows: usize, variables: usize) -> usize {
 
 /// Bayesian information criterion `p ln N - 2 ln L` with `p` free parameters, `N` rows and the
 /// likelihood `L` of all of them: the lower the better (G. Schwarz, "Estimating the dimension of a
-/// model", Annals of Statistics, 1978). It assumes independent rows; neighbouring rows of a slow
-/// motion are not, so it favours too many components.
+/// model", Annals of Statistics, 1978). Rows of a slow motion are alike: too many are favoured.
 pub fn bic(log_likelihood: f64, rows: usize, components: usize, variables: usize) -> f64 {
     let rows = rows as f64;
     free_parameters(components, variables) as f64 * rows.ln() - 2.0 * rows * log_likelihood

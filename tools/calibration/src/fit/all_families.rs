@@ -6,7 +6,7 @@ use i2ris::model::file::{FamilyParameters, HullParameters, OutputSpec};
 use i2ris::model::{Hull, Model};
 
 use super::choice::{Score, best, scores};
-use super::earlier::{self, take_better, try_shipped};
+use super::earlier::{self, take_better, try_others};
 use super::metrics::{Evidence, judged_rows, known_from};
 use super::model_file::{FileContext, constant_covariance};
 use super::one_family::FamilyFitter;
@@ -64,7 +64,7 @@ pub fn fit(
     let own = families.iter_mut().find(|it| it.family == Family::ForceBalance);
     if let Some(own) = own.filter(|_| !judged_rows.is_empty()) {
         parts.announce_starts(0, progress);
-        try_shipped(own, &mut fitter, &evidence);
+        try_others(own, &mut fitter, &evidence);
         if let (Some(earlier), Some(start)) = (earlier, start) {
             parts.announce_starts(1, progress);
             fitter.start = Start::Earlier(start);
@@ -128,8 +128,7 @@ struct Parts {
     total: f64,
 }
 
-/// Usual duration of the fit to all rows, and of the search from shipped snakes, or from an earlier
-/// calibration, on the scale of [`Family::usual_duration`].
+/// Usual duration of the fit to all rows, and of other starts, as in [`Family::usual_duration`].
 const REFIT: f64 = 4.0;
 const STARTS: f64 = 6.0;
 

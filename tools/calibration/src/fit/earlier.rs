@@ -1,7 +1,7 @@
 //! Further starts of `force-balance`: shipped snakes, and an earlier calibration.
 //!
 //! The own starts run as without them. A further one is taken only if it explains the held-out rows
-//! better, which neither search has seen, and surely so with the blocks that each has left out.
+//! better, which no search saw, and surely so with blocks that each left out, or training rows.
 
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::model::hysteresis::force_balance::BalanceParameters;
@@ -14,10 +14,13 @@ use crate::families::force_balance::judge::{SURE, is_better};
 use crate::families::force_balance::search::{SHIPPED_STARTS, Start};
 use crate::recording::Recording;
 
-/// Shipped starts are tried for at most this many training rows, as each then costs as much as half
-/// of the own ones together, and where the model leaves more than this many times the noise.
-const MAX_SHIPPED_ROWS: usize = 4000;
+/// Others are tried where the model leaves more than this many times the noise: shipped ones for at
+/// most this many training rows (each costs half of the own ones together), beyond it a drawn one.
 const ABOVE_NOISE: f64 = 1.1;
+const MAX_SHIPPED_ROWS: usize = 4000;
+const DRAWN: u64 = 1;
+/// Error on the training rows at which a drawn start is taken, relative to the own ones.
+const LOWER: f64 = 0.98;
 
 /// The balance of an earlier model. Fails if it cannot be a start: its family or its number of
 /// motors or outputs differs, or no force balance is fitted.
@@ -51,22 +54,44 @@ pub(super) struct Judgement {
     found: Option<f64>,
 }
 
-/// Takes what the shipped starts lead to in place of the own model where that is better.
-pub(super) fn try_shipped(
+/// Takes what shipped or drawn starts lead to in place of the own model where that is better.
+pub(super) fn try_others(
     own: &mut FamilyOutcome,
     fitter: &mut FamilyFitter<'_>,
     evidence: &Evidence<'_>,
 ) {
-    if fitter.context.training.len() > MAX_SHIPPED_ROWS {
-        return;
-    }
-    for index in 0..SHIPPED_STARTS {
-        let noise = ABOVE_NOISE * evidence.noise;
-        if errors(own, evidence).is_none_or(|errors| rms(&errors) > noise) {
+    let is_short = fitter.context.training.len() <= MAX_SHIPPED_ROWS;
+    let is_poor = |own: &FamilyOutcome| {
+        errors(own, evidence).is_none_or(|errors| rms(&errors) > ABOVE_NOISE * evidence.noise)
+    };
+    for index in 0..if is_short { SHIPPED_STARTS } else { 0 } {
+        if is_poor(own) {
             fitter.start = Start::Shipped(index);
             take_better(own, fitter.attempt(Family::ForceBalance), evidence);
         }
     }
+    // Rows of one motor at a time do not show which start is better.
+    if !is_short && !evidence.hides_plane && is_poor(own) {
+        fitter.start = Start::Drawn(DRAWN);
+        let found = fitter.attempt(Family::ForceBalance);
+        let training = [fitter.context.training.to_vec()];
+        let on_training = Evidence { rows: &training, ..*evidence };
+        let error = |outcome, evidence| errors(outcome, evidence).map(|errors| rms(&errors));
+        let is_lower = |evidence, part: f64| match (error(own, evidence), error(&found, evidence)) {
+            (Some(own), Some(found)) => found < part * own,
+            (own, found) => own.is_none() && found.is_some(),
+        };
+        let is_taken = is_lower(evidence, 1.0) && is_lower(&on_training, LOWER);
+        take(own, found, is_taken);
+    }
+}
+
+fn take(own: &mut FamilyOutcome, found: FamilyOutcome, is_taken: bool) {
+    let seconds = own.seconds + found.seconds;
+    if is_taken {
+        *own = found;
+    }
+    own.seconds = seconds;
 }
 
 /// Takes what another search has found if the rows held out show that it is better.
@@ -89,11 +114,7 @@ pub(super) fn take_better(
         }
         (before, after) => before.is_none() && after.is_some(),
     };
-    let seconds = own.seconds + found.seconds;
-    if is_taken {
-        *own = found;
-    }
-    own.seconds = seconds;
+    take(own, found, is_taken);
     let [own, found] = [before, after].map(|errors| errors.map(|errors| rms(&errors)));
     Judgement { is_taken, own, found }
 }

@@ -40,8 +40,7 @@ const UNSEEN_LOOPS: f64 = 0.06;
 
 /// If a model explains more than this part of the variance of every output, ...
 const MIN_LOOP_R2: f64 = 0.5;
-/// ... and a straight line less than this part, the motion is a loop without a slope, and the gain
-/// of the line is noise.
+/// ... and a straight line less than this part, the loop has no slope: the gain is noise.
 const MAX_LEVEL_R2: f64 = 0.02;
 
 const NO_METRICS: OutputMetrics = OutputMetrics {
@@ -130,8 +129,7 @@ impl FileContext<'_> {
         if held_out.is_empty() { self.training.to_vec() } else { held_out }
     }
 
-    /// Held-out rows that count: a model is not used outside the hull of its training rows, so rows
-    /// outside count only if they are the majority.
+    /// Held-out rows that count: those outside the hull of the training rows only as the majority.
     pub fn counted(&self) -> Vec<usize> {
         let hull = Hull::new(self.hull, self.recording.motors());
         let counts = |row: usize| &self.recording.rows()[row].counts;

@@ -136,8 +136,7 @@ pub struct FamilyOutcome {
     pub mechanism: Option<Mechanism>,
     /// Additional note on the fit: remaining components, smoothing.
     pub note: Option<String>,
-    /// Mean square error on training blocks that its search left out, fold by fold, if it has
-    /// folds.
+    /// Mean square error on training blocks that its search left out, by fold.
     pub left_out: Vec<f64>,
     /// Duration, s; the only value that differs between runs.
     pub seconds: f64,

@@ -26,8 +26,7 @@ const MIN_TOGETHER: f64 = 0.1;
 /// Directions in which a line is looked for.
 const DIRECTIONS: usize = 60;
 
-/// Positions further from the middle than this show on which line they are, and are on one within
-/// the other distance, as parts of half the range.
+/// Positions this far from the middle show their line, within the other part of half the range.
 const AWAY: f64 = 0.4;
 const ON_LINE: f64 = 0.12;
 

@@ -205,8 +205,7 @@ pub(crate) fn jackknife_deviation(estimates: &[f64]) -> f64 {
     ((count - 1.0) / count * squares.sum::<f64>()).sqrt()
 }
 
-/// Rows further apart are measured at rest, on an unknown path. No outputs are moved into a gap of
-/// this many times the usual distance.
+/// Rows this many usual distances apart are at rest, on an unknown path: no outputs move there.
 const SETTLED_S: f64 = 0.3;
 const GAP: f64 = 5.0;
 

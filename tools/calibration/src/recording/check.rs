@@ -8,8 +8,7 @@ use super::rows::MIN_ROWS;
 use super::sheet::{Problem, RecordingError};
 use super::table::{ReadRow, Table};
 
-/// Plausible rates of rows, Hz, and the least one of a table with more rows than this; otherwise
-/// the stamps are hardly in seconds.
+/// Plausible rates of rows, Hz, and the least of a longer table; others are hardly in seconds.
 const RATES_HZ: (f64, f64) = (0.5, 10_000.0);
 const LONG: (f64, usize) = (2.0, 5000);
 

@@ -46,8 +46,7 @@ impl Recording {
         &self.name
     }
 
-    /// SHA-256 of the bytes of the file, hexadecimal, as printed by `sha256sum`. For two recordings
-    /// together, both sums with a space between.
+    /// SHA-256 of the file, hexadecimal, as by `sha256sum`; of two recordings, both with a space.
     pub fn sha256(&self) -> &str {
         &self.sha256
     }
@@ -234,8 +233,7 @@ impl Recording {
 }
 
 /// Writes a recording in the common format: `t_s` (if timed), `q0_counts`, ..., then `NAME_deg` or
-/// `NAME_mm` per output. Numbers are read back bit by bit. Every row goes to the writer at once, so
-/// that an interrupted recording keeps its rows.
+/// `NAME_mm` per output. Numbers are read back bit by bit. Each row goes to the writer at once.
 #[derive(Debug)]
 pub struct RecordingWriter<W: Write> {
     to: W,

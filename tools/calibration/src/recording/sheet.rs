@@ -117,8 +117,7 @@ fn uncommented(line: &str) -> &str {
     line.trim().trim_start_matches(['#', '%']).trim()
 }
 
-/// The separator that makes most numbers of the first line with numbers, and the index of that
-/// line; if there are no numbers, that of the header.
+/// The separator that gives most numbers, and the index of the first line with some, or the header.
 fn separator(lines: &[&str]) -> (u8, usize) {
     let numbers = |line: &str, separator: u8| {
         let found = cells(line, separator);
@@ -236,8 +235,7 @@ pub(super) fn is_grouped(cell: &str) -> bool {
         && groups.all(|part| part.len() == 3 && digits(part))
 }
 
-/// Parses a time, s: a number of seconds, a date and a time of day as in ISO 8601, or the time of
-/// day alone. A date counts from 1970-01-01.
+/// Parses a time, s: seconds, a date and time as in ISO 8601 from 1970-01-01, or a time of day.
 pub fn seconds(cell: &str, decimal_comma: bool) -> Option<f64> {
     number(cell, decimal_comma).or_else(|| match cell.split_once(['T', 't', ' ']) {
         Some((date, clock)) => Some(86_400.0 * days(date)? + clock_s(clock)?),

@@ -194,8 +194,7 @@ pub struct Rows {
     pub notes: Vec<String>,
 }
 
-/// Reads a table that is not a recording. Rows with an empty cell are left out. Fails if a column
-/// is missing, or a value in it is wrong.
+/// Reads another table, without rows with an empty cell. Fails without a column, or a right value.
 pub fn read_rows(
     path: &Path,
     columns: &ColumnMap,

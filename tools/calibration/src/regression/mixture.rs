@@ -4,8 +4,7 @@
 //! motors. If one motor moves at a time, as in the published protocol, such a mixture has no data
 //! between the axes, and its regression folds there. Then every motor has its own mixture over
 //! `[its counts; outputs]`, of the rows in which it moves, minus the regressions of the others; the
-//! sum of the regressions is the model. Rows in which both move, as at the start of a recording,
-//! are divided between the motors iteratively.
+//! sum of the regressions is the model. Rows in which both move are divided iteratively.
 
 use std::ops::Range;
 

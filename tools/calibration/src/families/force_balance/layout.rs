@@ -7,6 +7,8 @@ use i2ris::model::hysteresis::force_balance::{
     USUAL_TURN,
 };
 use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 
 /// What is usual of a parameter.
 #[derive(Debug, Clone, Copy)]
@@ -77,8 +79,7 @@ const PER_MOTOR: usize = 17;
 /// Terms that a snake may have or not.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Terms {
-    /// What the bend of the other motor does: to preload, spring and shared stops, of which there
-    /// are more then.
+    /// What the bend of the other motor does: to preload, spring and (then more) shared stops.
     pub other: bool,
     /// The transmission error of the gear, by the counts of its turn.
     pub transmission: Option<f64>,
@@ -87,8 +88,7 @@ pub(super) struct Terms {
 }
 
 /// Parameters of a motor with the bend of the other one: preload growth less that by the own bend,
-/// and hardening over that. A snake bends in a plane, whatever its direction, until the recording
-/// says otherwise.
+/// and hardening over that. A snake bends in a plane until the recording shows otherwise.
 const OTHER: [Usual; 2] = [signed(0.0, 15.0), positive(1.0, 0.7)];
 
 /// The four parameters of a transmission error.
@@ -103,8 +103,7 @@ const COUPLING: usize = 2;
 const FRICTION_BY_OTHER: usize = 12;
 const FRICTION_GROWTH_BY_OTHER: usize = 14;
 
-/// Places of both stiffnesses in [`BalanceMotor::numbers`]: the first is a logarithm, and the
-/// second stiffness follows from it.
+/// Places of both stiffnesses in [`BalanceMotor::numbers`]: the second follows from the first.
 const STIFFNESS: [usize; 2] = [6, 7];
 
 /// Places of the numbers that every motor has.
@@ -135,8 +134,7 @@ const MOTOR: [Usual; PER_MOTOR] = [
 ];
 
 /// Where one axis at a time was recorded, coupling and a shape not square look nearly alike,
-/// and the other motor's effect on friction looks like another friction: its bend hardly changes.
-/// So they are held nearer to what is usual.
+/// and the other motor's effect on friction looks like another friction: both are held nearer.
 const LESS_FREE: [(usize, Usual); 3] = [
     (COUPLING, signed(0.0, 0.1)),
     (FRICTION_BY_OTHER, signed(0.0, 0.03)),
@@ -146,8 +144,7 @@ const LESS_FREE: [(usize, Usual); 3] = [
 /// The own stop and the shared stop that yield. The others slip.
 const YIELDS: usize = 0;
 
-/// Own stops: stiffness and share, after the one that yields the stiffest first. The share of the
-/// last one is fixed: only their ratios matter.
+/// Own stops, after the yielding one the stiffest first: stiffness and share; the last is fixed.
 const OWN_STIFFNESS: [Usual; OWN_STOPS] = [
     positive(3.0, 1.0),
     positive(10.0, 0.5),
@@ -290,6 +287,13 @@ impl Layout {
         at
     }
 
+    /// A snake that is drawn around the usual one, nearly from the prior.
+    pub fn drawn(&self, seed: u64) -> DVector<f64> {
+        let mut random = Pcg64::seed_from_u64(seed);
+        let mut normal = || (0..12).map(|_| random.random::<f64>() - 0.5).sum::<f64>();
+        self.start(&Typical::USUAL).map(|usual| usual + 0.8 * normal())
+    }
+
     pub fn decode(&self, at: &DVector<f64>) -> BalanceParameters {
         let usual = self.usual();
         let mut values = usual.iter().zip(at.iter()).map(|(usual, at)| usual.decode(*at));
@@ -368,8 +372,7 @@ impl Layout {
         }
     }
 
-    /// The vector of parameters that [`Self::decode`] has given. Terms that they did not have begin
-    /// as usual: a snake is alike in every direction.
+    /// The parameters of [`Self::decode`]; missing terms begin as usual: alike in every direction.
     pub fn encode(&self, balance: &BalanceParameters) -> DVector<f64> {
         let had_other = Self::terms_of(balance).other;
         let mut values = Vec::new();

@@ -3,8 +3,7 @@
 //! A snake bends in a plane, and nothing but the length of its bend says how stiff it is. Where
 //! samples show one bend at a time, an output is `l = a x + b y` times `1 + c r^2 + d r^4` with
 //! `r^2 = x^2 + ratio y^2`, and even terms: the asymmetry of a motor, `a k x^n` and `b k' y^n` in
-//! every output, and that of an output, `m l^n`. Two outputs along two bends tell them apart, which
-//! gives the mixed terms.
+//! every output, and that of an output, `m l^n`. Two outputs and bends give the mixed terms.
 
 use i2ris::model::polynomial_regression::{coefficients, products};
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn};

@@ -28,8 +28,7 @@ const COARSE_SAMPLES: usize = 1500;
 const COARSE_SPACING: f64 = 40.0;
 const FINE_SPACING: f64 = 20.0;
 
-/// Preloads, gaps and friction to start from, units of travel: recordings come from robots of all
-/// kinds.
+/// Preloads, gaps and friction to start from, units of travel: robots are of all kinds.
 const STARTS: [(f64, f64, f64); 15] = [
     (-12.0, 5.0, 30.0),
     (15.0, 5.0, 30.0),
@@ -76,8 +75,7 @@ const STANDS_STILL: StoppingRule = StoppingRule { iterations: 40, tolerance: 1e-
 const KEPT: usize = 4;
 const ROUNDS: usize = 2;
 
-/// Errors that are allowed one after the other, as a part of that of a straight line. The less, the
-/// further the parameters may be from what is usual.
+/// Errors allowed in turn, relative to a straight line: the less, the less usual a snake.
 const ERRORS: [f64; 5] = [0.4, 0.2, 0.1, 0.05, 0.025];
 
 /// More error is allowed where that is worse by less than this part on the blocks held out.
@@ -119,8 +117,7 @@ pub struct BalanceFit {
     pub mechanism: BalanceMechanism,
     /// How late the samples are; `None` where nobody can tell.
     pub latency: Option<RemainingLatency>,
-    /// Mean square error on blocks that were left out, one fold after the other; none without a
-    /// search.
+    /// Mean square error on blocks that were left out, fold by fold; none without a search.
     pub left_out: Vec<f64>,
 }
 
@@ -135,6 +132,8 @@ pub enum Start<'a> {
     Earlier(&'a BalanceParameters),
     /// At one of [`SHIPPED_STARTS`] typical snakes, with a whole search.
     Shipped(usize),
+    /// At a snake that is drawn around the usual one, with a whole search.
+    Drawn(u64),
 }
 
 /// Fits a balance of forces to a series. The same series gives the same bits, whatever the number
@@ -230,6 +229,7 @@ impl<'a, const D: usize> Search<'a, D> {
             Start::Shipped(index) => {
                 self.whole(SHIPPED_TERMS, |layout| layout.start(&SHIPPED[index]))
             }
+            Start::Drawn(seed) => self.whole(SHIPPED_TERMS, |layout| layout.drawn(seed)),
         };
         let place = place.ok_or(BalanceError::NoModel)?;
         Self { target: self.target.with_terms(place.terms), ..*self }.fine(place)
@@ -320,8 +320,7 @@ impl<'a, const D: usize> Search<'a, D> {
         places
     }
 
-    /// The search on all samples, in rounds: where they leave less than was allowed, that is the
-    /// weight of the next.
+    /// The search on all samples, in rounds: what they leave is the weight of the next, if less.
     fn fine(&self, place: Place) -> Result<BalanceFit, BalanceError> {
         let Place { mut at, mut error, left_out, .. } = place;
         self.progress.begin(ROUNDS * FINE.iterations);
@@ -381,8 +380,7 @@ impl<'a, const D: usize> Search<'a, D> {
         };
         let reach: Vec<MotorVec> =
             possible.iter().map(|bend| virtual_counts(&(bend * WIDER))).collect();
-        // The polynomial is that of the region in which it is used; where the bend is not sure, an
-        // error counts less.
+        // The polynomial is for the region of use; errors count less where the bend is not sure.
         let error = rms(solved);
         let weights = unsure.map(|unsure| error / error.hypot(self.range * unsure));
         let samples = self.series.samples();

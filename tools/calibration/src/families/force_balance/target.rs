@@ -24,8 +24,7 @@ pub(super) struct Target<const D: usize> {
 }
 
 impl<const D: usize> Target<D> {
-    /// `plane` tells whether the series shows what both motors do together: otherwise one of them
-    /// stands for long, and all samples count.
+    /// Without `plane`, one motor stands for long while the other moves, and all samples count.
     pub fn new(series: &Series, plane: bool) -> Self {
         let (mut scales, mut ranges) = (Vec::new(), [0.0; 2]);
         for motor in 0..D {

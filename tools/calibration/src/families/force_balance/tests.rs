@@ -241,8 +241,7 @@ fn blocks_decide_together() {
     assert!(is_better([&hidden(before), &hidden(most)], SURE, 0.05));
 }
 
-/// One axis at a time shows how the shape goes with the length of a bend, the asymmetry of each
-/// motor and of each output, and that is all there is.
+/// One axis at a time shows only the shape by length, and the asymmetry of motors and outputs.
 #[test]
 fn what_both_bends_do_together_is_what_each_does() {
     let even = |x: f64, y: f64| {

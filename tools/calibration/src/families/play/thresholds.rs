@@ -19,8 +19,7 @@ const MIN_COUNTS: f64 = 4.0;
 /// The thresholds that the travel of one motor can show.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ThresholdRange {
-    /// Smallest visible threshold, counts: a quarter of the usual step between positions, because a
-    /// gap crossed within one step cannot be seen.
+    /// Smallest visible threshold, counts: a quarter of a step, as a step hides a gap within it.
     pub low: f64,
     /// Half the longest travel between two turning points, counts: a wider gap is never crossed.
     pub high: f64,
