@@ -252,8 +252,7 @@ impl Cycle {
         Ok(external.is_some())
     }
 
-    /// Two frequencies with a long common period: both motors turn at many positions. The goal is
-    /// within the limits: at most 5 deg/s, or 9 with regions.
+    /// Two frequencies with a long common period, of at most 5 deg/s, or 9 with regions.
     fn goal(&self) -> ServoGoal {
         let axis = |hz: f64| self.reach_deg.to_radians() * (TAU * hz * self.seconds).sin();
         ServoGoal::Joint([self.start[0] + axis(0.15), self.start[1] + axis(0.093), 0.0], 2)

@@ -71,8 +71,7 @@ struct MeasuredModel {
     forward: Durations,
 }
 
-/// Calls every model along a motion that turns both motors often, `rounds` times, the models in
-/// turns. `subject`: the model of the controller, and its name.
+/// Calls the models in turns, `rounds` times along a motion of both. `subject`: a model, its name.
 pub fn run(rounds: u32, subject: (Model, String), run: Run) -> Result<Outcome, Failure> {
     let about = "One call of a model: desired angles to counts (inverse), counts to angles with \
                  covariance (forward)";
@@ -159,8 +158,7 @@ pub fn subject(file: Option<&Path>) -> Result<(Model, String), Failure> {
     Ok((model, format!("{title}, {}", file.display())))
 }
 
-/// A model with a mixture of `components`. With plays it is `gmr-play`, with `plays` plays per
-/// motor besides the one of threshold 0; without, it is `gmr`.
+/// A mixture of `components`: `gmr`, or `gmr-play` with `plays` per motor above threshold 0.
 pub fn model(components: usize, plays: usize) -> Result<Model, ModelError> {
     let mixture = mixture(components).into();
     let corners: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
@@ -179,8 +177,7 @@ pub fn model(components: usize, plays: usize) -> Result<Model, ModelError> {
     Model::from_file(file(family, hull))
 }
 
-/// The map that the mixture approximates: angles, deg, and their slope at counts. The planes lie at
-/// 45 degrees to the motors, and the slope changes with the counts.
+/// The map: angles, deg, and their slope, which changes; planes at 45 degrees to the motors.
 fn map(counts: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
     let s = REACH / 2.0;
     let curve = |c: f64| (c + 0.25 * s * (c / s).sin(), 1.0 + 0.25 * (c / s).cos());

@@ -1,7 +1,6 @@
 //! Cost of the joint limits, in simulated time: `i2ris bench limits`.
 //!
-//! A snake is calibrated with a force-balance model. It follows a circle and a nested motion with
-//! the limits as shipped, and without those of the joints.
+//! A calibrated snake follows a circle and a nested motion with the shipped limits and without.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,7 @@
 //! Comparison of a robot's serial lines, in simulated time: `i2ris bench lines`.
 //!
 //! The port threads and the cycle of the controller run against emulated drives. The time of the
-//! computer is not included (see `i2ris bench e2e`). Every snake is calibrated once, with a
-//! force-balance model, and follows the same goals on every line.
+//! computer is not included (see `i2ris bench e2e`). A snake has the same model and goals on each.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -227,8 +226,7 @@ fn path(goal: impl Fn(f64) -> [f64; 2]) -> Vec<[f64; 2]> {
     (0..(DURATION_S * RATE_HZ) as usize).map(|sample| goal(sample as f64 / RATE_HZ)).collect()
 }
 
-/// The delay of the tip in sines, ms: median and 99th percentile of one-second windows. At this
-/// delay the error without its mean is smallest.
+/// The delay of the tip in sines, ms, with the least error: median and 99th percentile, by second.
 fn delays(control: &mut ClosedLoop<Lines>) -> Result<[f64; 2], Failure> {
     let path = path(|time| SINES_HZ.map(|hz| AMPLITUDE_DEG * (TAU * hz * time).sin()));
     let mut seen = Vec::new();

@@ -1,5 +1,4 @@
-//! The machine of a measurement and its load; and the scheduling of threads: a dedicated processor
-//! and SCHED_FIFO, if permitted.
+//! The machine and its load; scheduling: an own processor and SCHED_FIFO, if permitted.
 
 use std::path::Path;
 use std::{fs, thread};
@@ -168,8 +167,7 @@ impl Run<'_> {
         if self.interrupt.came() { Err("interrupted".into()) } else { Ok(()) }
     }
 
-    /// Its own processor, if there are two: the last one, because the first one serves the
-    /// interrupts of most machines.
+    /// Its own processor, if there are two: the last, as the first serves most interrupts.
     pub fn processor(self) -> Option<usize> {
         let processors = thread::available_parallelism().map_or(1, usize::from);
         (self.priority > 0 && processors >= 2).then(|| processors - 1)

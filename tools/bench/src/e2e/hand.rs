@@ -7,8 +7,7 @@
 //!    its time          its time, with that of its newest event (stream `teleop`)
 //! ```
 //!
-//! The time of an event is the one at which the kernel would have received it. The polling period
-//! of the device for its own controls is not included.
+//! The time of an event is when the kernel would receive it, without the polling of the device.
 
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::OpenOptionsExt;

@@ -84,8 +84,7 @@ impl CommandLatencies {
     }
 }
 
-/// Matches every command with the first arrival of its counts at the drive after it was written,
-/// and with the first encoder position that was measured after that.
+/// Matches every command with the first arrival of its counts, and the first position after that.
 pub fn match_commands(observations: &Observations, log: &[Event]) -> CommandLatencies {
     let mut matched = CommandLatencies::new();
     matched.longest_gap = observations.longest_gap;

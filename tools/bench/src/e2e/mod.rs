@@ -230,8 +230,7 @@ pub struct BareLoop {
 }
 
 impl BareLoop {
-    /// Runs the loop until it is stopped. The priority is that of the controller's port threads. A
-    /// request without a reply is repeated.
+    /// Runs the loop until it is stopped, as the port threads do. Repeats what has no reply.
     pub fn serve(&self, port: &PortConfig, priority: u8) -> Result<(), Failure> {
         request_priority(priority);
         let mut link = DriveLink::new(SerialTransport::open(port)?, family_of_port(port), port);
