@@ -1,7 +1,7 @@
 //! Comparison of a robot's serial lines, in simulated time: `i2ris bench lines`.
 //!
 //! The port threads and the cycle of the controller run against emulated drives. The time of the
-//! computer is not included (see `i2ris bench e2e`). A snake has the same model and goals on each.
+//! computer is not included (see `i2ris bench e2e`). All lines have the same snakes, models, goals.
 
 use std::f64::consts::TAU;
 use std::path::Path;

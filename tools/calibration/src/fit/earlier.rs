@@ -1,7 +1,7 @@
-//! Further starts of `force-balance`: shipped snakes, and an earlier calibration.
+//! Further starts of `force-balance`: shipped and drawn snakes, and an earlier calibration.
 //!
 //! The own starts run as without them. A further one is taken only if it explains the held-out rows
-//! better, which no search saw, and surely so with blocks that each left out, or training rows.
+//! better, which no search saw, and blocks left out (surely) or the training rows agree.
 
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::model::hysteresis::force_balance::BalanceParameters;

@@ -26,7 +26,7 @@ const MIN_TOGETHER: f64 = 0.1;
 /// Directions in which a line is looked for.
 const DIRECTIONS: usize = 60;
 
-/// Positions this far from the middle show their line, within the other part of half the range.
+/// A position shows a line this far from the middle and this near the line, in half ranges.
 const AWAY: f64 = 0.4;
 const ON_LINE: f64 = 0.12;
 

@@ -205,7 +205,7 @@ pub(crate) fn jackknife_deviation(estimates: &[f64]) -> f64 {
     ((count - 1.0) / count * squares.sum::<f64>()).sqrt()
 }
 
-/// Rows this many usual distances apart are at rest, on an unknown path: no outputs move there.
+/// Rows further apart are at rest, s; no outputs are moved into a gap of this many usual distances.
 const SETTLED_S: f64 = 0.3;
 const GAP: f64 = 5.0;
 

@@ -18,7 +18,7 @@ use crate::recording::Recording;
 use crate::regression::ridge::NormalEquations;
 use crate::series::blocks;
 
-/// Maximum ratio of errors to noise that is noise; minimum share that a named pattern explains.
+/// Errors up to this ratio to the noise are noise; minimum share that a named pattern explains.
 const BEYOND: f64 = std::f64::consts::SQRT_2;
 const NAMED: f64 = 0.15;
 

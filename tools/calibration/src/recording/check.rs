@@ -8,7 +8,7 @@ use super::rows::MIN_ROWS;
 use super::sheet::{Problem, RecordingError};
 use super::table::{ReadRow, Table};
 
-/// Plausible rates of rows, Hz, and the least of a longer table; others are hardly in seconds.
+/// Plausible rates, Hz, and the lowest above a number of rows; else stamps are hardly in seconds.
 const RATES_HZ: (f64, f64) = (0.5, 10_000.0);
 const LONG: (f64, usize) = (2.0, 5000);
 

@@ -233,7 +233,7 @@ impl Recording {
 }
 
 /// Writes a recording in the common format: `t_s` (if timed), `q0_counts`, ..., then `NAME_deg` or
-/// `NAME_mm` per output. Numbers are read back bit by bit. Each row goes to the writer at once.
+/// `NAME_mm` per output, exactly. Each row is written at once: an interrupted recording keeps it.
 #[derive(Debug)]
 pub struct RecordingWriter<W: Write> {
     to: W,

@@ -117,7 +117,7 @@ fn uncommented(line: &str) -> &str {
     line.trim().trim_start_matches(['#', '%']).trim()
 }
 
-/// The separator that gives most numbers, and the index of the first line with some, or the header.
+/// The separator with most numbers in the first line with any, and its index or that of the header.
 fn separator(lines: &[&str]) -> (u8, usize) {
     let numbers = |line: &str, separator: u8| {
         let found = cells(line, separator);

@@ -194,7 +194,7 @@ pub struct Rows {
     pub notes: Vec<String>,
 }
 
-/// Reads another table, without rows with an empty cell. Fails without a column, or a right value.
+/// Reads any other table, without rows with an empty cell. Fails without a column or valid values.
 pub fn read_rows(
     path: &Path,
     columns: &ColumnMap,
