@@ -253,8 +253,7 @@ impl<W: Write> RecordingWriter<W> {
         Ok(Self { to, timed, motors, outputs: outputs.len() })
     }
 
-    /// Writes a row; its `line` does not matter. Missing time or a number not finite is an empty
-    /// cell.
+    /// Writes a row, whatever its `line`; no time, or a number not finite, is an empty cell.
     pub fn row(&mut self, row: &Row) -> io::Result<()> {
         let time = self.timed.then(|| row.time_s.unwrap_or(f64::NAN));
         let counts = row.counts.iter().take(self.motors);

@@ -95,9 +95,11 @@ pub(crate) struct NormalEquations {
 
 impl NormalEquations {
     pub fn new(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Self {
+        // A product of whole matrices is several times faster than one of columns (`tr_mul`).
+        let turned = features.transpose();
         Self {
-            features: features.tr_mul(features),
-            cross: features.tr_mul(outputs),
+            features: &turned * features,
+            cross: turned * outputs,
             outputs: outputs.norm_squared(),
             rows: features.nrows() as f64,
         }

@@ -108,8 +108,7 @@ impl ReadOut {
         };
         for degree in (2..=self.degree).step_by(2) {
             let first = degree * (degree + 1) / 2;
-            // The terms of motors and outputs are unknown; each output has one equation along each
-            // bend.
+            // Unknown are the terms of motors and outputs; each output has an equation per bend.
             let mut parts = DMatrix::zeros(2 * outputs, 2 + outputs);
             for output in 0..outputs {
                 let (along, size) = straight(output);
