@@ -42,15 +42,14 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     assert!(robot.moved_since(from), "{:?}", bridge.lines());
     peer.hold();
     robot.wait_until_still();
-    // It also holds its own client, until that starts again.
-    clock::sleep(Nanos::from_millis(1100));
-    peer.hold();
-    clock::sleep(Nanos::from_millis(200));
     wait_until("the snake follows the steps", || {
+        // A stream that was held, or held up by a busy computer, begins again after both.
+        clock::sleep(Nanos::from_millis(1100));
+        peer.hold();
+        clock::sleep(Nanos::from_millis(200));
         let [before, _] = peer.setpoint_degrees();
         repeat(50, 5, |_| peer.send_degrees("servo_jr", [0.02, 0.0]));
-        // A stream that a busy computer held up may begin again after a silence.
-        clock::sleep(Nanos::from_millis(1100));
+        clock::sleep(Nanos::from_millis(200));
         let [after, _] = peer.setpoint_degrees();
         after - before > 0.5
     });

@@ -258,14 +258,14 @@ impl Terminal {
         while let Ok(bytes) = self.output.recv_timeout(Duration::from_millis(300)) {
             self.screen.process(&bytes);
         }
+        eprintln!("{status}: {}", self.screen.screen().contents());
         status
     }
 
     /// Asserts that the terminal was restored: lines and echo, the first screen, a cursor.
     pub fn assert_restored(&self) {
         let flags = tcgetattr(self.slave.as_fd()).unwrap().local_flags;
-        let lines = LocalFlags::ICANON | LocalFlags::ECHO;
-        assert!(flags.contains(lines), "keys are shown and come in lines");
+        assert!(flags.contains(LocalFlags::ICANON | LocalFlags::ECHO), "keys are shown, in lines");
         assert!(!self.screen.screen().alternate_screen() && !self.screen.screen().hide_cursor());
     }
 }

@@ -188,7 +188,7 @@ mod tests {
         let operator = ForceBalance::<1>::prepare(balance).unwrap();
         let at = |time| SVector::from([wander(time)[0]]);
         let (mut state, mut random) = (operator.begin(&at(0.0)), Pcg64::seed_from_u64(seed));
-        one_motor(400, |time| {
+        one_motor(200, |time| {
             operator.advance(&mut state, &at(time));
             let bend = operator.bend(&state)[0] / REACH;
             let noise: f64 = (0..12).map(|_| random.random::<f64>() - 0.5).sum();
