@@ -63,12 +63,12 @@ fn a_frozen_encoder_is_a_following_error() {
     let bench = TestBench::emulated(&SETUPS[0]);
     let mut axis = bench.enabled();
     bench.emulator().inject(0, Injection::FreezeEncoder { for_ms: 60_000 });
-    let mut target = axis.feedback().position.0;
     let start = Instant::now();
     while axis.feedback().phase == AxisPhase::Enabled {
         assert!(start.elapsed() < PATIENCE, "{:?}", axis.feedback());
-        target = (target + 5).min(2000);
-        axis.request(|request| request.target = Counts(target));
+        // From what the drive has: a target further away is refused.
+        let written = axis.feedback().written.map_or(0, |written| written.target.0);
+        axis.request(|request| request.target = Counts((written + 5).min(2000)));
         thread::sleep(std::time::Duration::from_millis(2));
     }
     axis.until_fault(0x8611);
