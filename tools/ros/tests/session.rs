@@ -43,7 +43,7 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     peer.hold();
     robot.wait_until_still();
     wait_until("the snake follows the steps", || {
-        // A stream that was held, or held up by a busy computer, begins again after both.
+        // A stream that was stopped, by `hold` or by load, restarts after a silence and `hold`.
         clock::sleep(Nanos::from_millis(1100));
         peer.hold();
         clock::sleep(Nanos::from_millis(200));

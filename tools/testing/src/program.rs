@@ -265,7 +265,7 @@ impl Terminal {
     /// Asserts that the terminal was restored: lines and echo, the first screen, a cursor.
     pub fn assert_restored(&self) {
         let flags = tcgetattr(self.slave.as_fd()).unwrap().local_flags;
-        assert!(flags.contains(LocalFlags::ICANON | LocalFlags::ECHO), "keys are shown, in lines");
+        assert!(flags.contains(LocalFlags::ICANON | LocalFlags::ECHO), "echo, line by line");
         assert!(!self.screen.screen().alternate_screen() && !self.screen.screen().hide_cursor());
     }
 }
