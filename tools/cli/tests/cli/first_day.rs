@@ -171,6 +171,7 @@ impl FirstDay {
         if result.error.contains("motor over-current for too long") {
             ends(self.start("command state acknowledge"), 0, &[]);
             ends(self.start("enable"), 0, &[]);
+            let _kept = ["take.csv", "take.toml"].map(|it| fs::remove_file(self.bench.path(it)));
             result = end(self.start(words));
         }
         assert_eq!(result.code, Some(0), "{words}: {}{}", result.output, result.error);
@@ -214,8 +215,7 @@ fn first_day(user: Option<u32>, template: &str, line: &str) {
 
     // Counts and conditioning, before there is a model.
     let mut controller = day.controller(&head, &ports);
-    let collect = "calibrate collect --home --output @take.csv";
-    day.succeeds(&format!("{collect} --duration-s 12"));
+    day.succeeds("calibrate collect --home --output @take.csv --duration-s 12");
     day.succeeds("calibrate fit @take.csv --robot-id i2ris-1 --family linear --output @model.json");
     day.succeeds("model use @model.json --no-condition --force");
     // Now angle limits apply, and the same works.
