@@ -114,6 +114,19 @@ fn check_kernel(report: &mut Report) {
         let fix = "install a kernel with PREEMPT_RT for bounded latency";
         report.warn("kernel", format!("{release}, not real-time"), fix);
     }
+    if starves_workers(&release) {
+        let found = "it can delay serial lines for seconds beside a program that computes";
+        let fix = "update to Linux 6.18.45 or later; until then, let nothing compute beside trials";
+        report.warn("kernel", format!("{release}: {found}"), fix);
+    }
+}
+
+/// Linux with commit 6d71a9c61604 but without its revert, 101f3498b4bd: workers of the kernel, which
+/// deliver what a serial line received, wait while a group of processes sleeps and wakes.
+fn starves_workers(release: &str) -> bool {
+    let mut numbers = release.split(|c: char| !c.is_ascii_digit()).map(|text| text.parse().ok());
+    let version: [u32; 3] = std::array::from_fn(|_| numbers.next().flatten().unwrap_or(0));
+    ([6, 13, 0]..[6, 18, 45]).contains(&version)
 }
 
 /// Requests the permissions that the controller would request, in a separate thread.
@@ -209,6 +222,16 @@ mod tests {
     fn processor_lists_are_parsed() {
         assert!(contains("1,4-6", 5) && contains("1,4-6\n", 1) && contains("3", 3));
         assert!(!contains("1,4-6", 3) && !contains("", 0));
+    }
+
+    #[test]
+    fn kernels_that_starve_serial_lines_are_known() {
+        for release in ["6.13.0", "6.17.0-14-generic", "6.18.44"] {
+            assert!(starves_workers(release), "{release}");
+        }
+        for release in ["6.12.48+deb13-amd64", "6.18.45", "7.0.0", "unknown"] {
+            assert!(!starves_workers(release), "{release}");
+        }
     }
 
     #[test]
