@@ -59,8 +59,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         None => {}
     }
     let mut report = Report::default();
-    let file = arguments.config.clone().or_else(running);
-    let file = file.unwrap_or_else(|| "config/emulator.toml".into());
+    let file = arguments.config.clone().or_else(running).unwrap_or("config/emulator.toml".into());
     match Config::load_for_process(&file) {
         Ok(config) => {
             report.pass("configuration", file.display().to_string());
@@ -73,8 +72,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             }
         }
         Err(error) => {
-            let fix = "correct the file, or name another with --config";
-            report.fail("configuration", error.to_string(), fix);
+            report.fail("configuration", error, "correct the file, or name another with --config");
         }
     }
     devices::check_usb(Path::new("/sys"), &mut report);
@@ -117,29 +115,20 @@ pub struct Report {
 }
 
 impl Report {
-    pub fn pass(&mut self, name: impl Into<String>, found: impl Into<String>) {
-        self.add(Level::Ok, name.into(), found.into(), String::new());
+    pub fn pass(&mut self, name: impl ToString, found: impl ToString) {
+        self.add(Level::Ok, name, found, "");
     }
 
-    pub fn warn(
-        &mut self,
-        name: impl Into<String>,
-        found: impl Into<String>,
-        fix: impl Into<String>,
-    ) {
-        self.add(Level::Warn, name.into(), found.into(), fix.into());
+    pub fn warn(&mut self, name: impl ToString, found: impl ToString, fix: impl ToString) {
+        self.add(Level::Warn, name, found, fix);
     }
 
-    pub fn fail(
-        &mut self,
-        name: impl Into<String>,
-        found: impl Into<String>,
-        fix: impl Into<String>,
-    ) {
-        self.add(Level::Fail, name.into(), found.into(), fix.into());
+    pub fn fail(&mut self, name: impl ToString, found: impl ToString, fix: impl ToString) {
+        self.add(Level::Fail, name, found, fix);
     }
 
-    fn add(&mut self, level: Level, name: String, found: String, fix: String) {
+    fn add(&mut self, level: Level, name: impl ToString, found: impl ToString, fix: impl ToString) {
+        let [name, found, fix] = [name.to_string(), found.to_string(), fix.to_string()];
         self.checks.push(Check { name, level, found, fix });
     }
 

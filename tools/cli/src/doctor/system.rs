@@ -76,9 +76,8 @@ fn check_pulse(config: &Config, report: &mut Report) {
 }
 
 fn check_watchdog(config: &Config, report: &mut Report) {
-    let Ok(domain) = Domain::new(&config.domain) else {
-        return; // Reported with the shared memory.
-    };
+    // An error is reported with the shared memory.
+    let Ok(domain) = Domain::new(&config.domain) else { return };
     let (found, fix) = match WatchdogStatus::read(&domain, &config.ports_digest(), clock::now()) {
         WatchdogStatus::Watching => {
             return report.pass("watchdog", "running, with access to every port");
@@ -107,18 +106,18 @@ fn check_watchdog(config: &Config, report: &mut Report) {
 fn check_kernel(report: &mut Report) {
     let version = fs::read_to_string("/proc/version").unwrap_or_default();
     let real_time = fs::read_to_string("/sys/kernel/realtime").is_ok_and(|text| text.trim() == "1");
-    let release = version.split_whitespace().nth(2).unwrap_or("unknown").to_owned();
-    if real_time || version.contains("PREEMPT_RT") {
-        report.pass("kernel", format!("{release}, real-time"));
-    } else {
-        let fix = "install a kernel with PREEMPT_RT for bounded latency";
-        report.warn("kernel", format!("{release}, not real-time"), fix);
-    }
-    if starves_workers(&release) {
-        let found = "it can delay serial lines for seconds beside a program that computes";
-        let fix = "update to Linux 6.18.45 or later; until then, let nothing compute beside trials";
+    let release = version.split_whitespace().nth(2).unwrap_or("unknown");
+    if starves_workers(release) {
+        let found = "it can delay serial lines for seconds while a program computes";
+        let fix =
+            "update to Linux 6.18.45 or later; until then, run no other program during trials";
         report.warn("kernel", format!("{release}: {found}"), fix);
     }
+    if real_time || version.contains("PREEMPT_RT") {
+        return report.pass("kernel", format!("{release}, real-time"));
+    }
+    let fix = "install a kernel with PREEMPT_RT for bounded latency";
+    report.warn("kernel", format!("{release}, not real-time"), fix);
 }
 
 /// Linux with commit 6d71a9c61604 but without its revert, 101f3498b4bd: workers of the kernel, which
@@ -168,12 +167,10 @@ fn check_processors(config: &Config, report: &mut Report) {
 
 /// Whether a list such as `1,4-6` contains a number.
 fn contains(list: &str, wanted: usize) -> bool {
-    list.split(',').any(|part| match part.trim().split_once('-') {
-        Some((first, last)) => {
-            let (first, last) = (first.parse::<usize>(), last.parse::<usize>());
-            first.is_ok_and(|first| first <= wanted) && last.is_ok_and(|last| wanted <= last)
-        }
-        None => part.trim().parse() == Ok(wanted),
+    list.split(',').map(str::trim).any(|part| {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let [first, last] = [first, last].map(str::parse::<usize>);
+        first.is_ok_and(|first| first <= wanted) && last.is_ok_and(|last| wanted <= last)
     })
 }
 
@@ -185,8 +182,7 @@ fn check_memory(config: &Config, report: &mut Report) {
     if let Some(ready) = Ready::read(&domain) {
         let serves = format!("a controller serves `{}`, process {}", domain.name(), ready.pid);
         let client = Client::connect(&domain, Nanos::from_millis(1000));
-        let client = client.and_then(|mut client| client.version());
-        return match client {
+        return match client.and_then(|mut client| client.version()) {
             Ok(_) => report.pass("shared memory", serves),
             Err(error) => {
                 let sentence = error.to_string();
@@ -199,8 +195,7 @@ fn check_memory(config: &Config, report: &mut Report) {
     if leftovers == 0 {
         report.pass("shared memory", format!("no leftovers in `{}`", domain.name()));
     } else {
-        let name = domain.name();
-        let found = format!("{leftovers} files of a controller that was killed in `{name}`");
+        let found = format!("{leftovers} files of a killed controller in `{}`", domain.name());
         report.warn("shared memory", found, "no action needed: the next controller removes them");
     }
 }
@@ -226,12 +221,9 @@ mod tests {
 
     #[test]
     fn kernels_that_starve_serial_lines_are_known() {
-        for release in ["6.13.0", "6.17.0-14-generic", "6.18.44"] {
-            assert!(starves_workers(release), "{release}");
-        }
-        for release in ["6.12.48+deb13-amd64", "6.18.45", "7.0.0", "unknown"] {
-            assert!(!starves_workers(release), "{release}");
-        }
+        assert!(["6.13.0", "6.17.0-14-generic", "6.18.44"].into_iter().all(starves_workers));
+        let sound = ["6.12.48+deb13-amd64", "6.18.45", "7.0.0", "unknown"];
+        assert!(!sound.into_iter().any(starves_workers));
     }
 
     #[test]

@@ -73,11 +73,9 @@ fn header(port: &CapturedPort) -> String {
 
 fn replay_port(port: &CapturedPort) -> usize {
     let found = replay(port);
-    let (differences, skipped) = (found.differences.len(), found.skipped);
+    let (differences, cut) = (found.differences.len(), found.skipped);
     let (requests, port) = (found.attempts, header(port));
-    println!(
-        "replayed   {port}: {requests} requests, {skipped} cut off, {differences} differences"
-    );
+    println!("replayed   {port}: {requests} requests, {cut} cut off, {differences} differences");
     for (time, captured, replayed) in found.differences.iter().take(MAX_SHOWN) {
         let replayed = replayed.map_or("other bytes".to_owned(), |outcome| outcome.to_string());
         let time = time.as_seconds();

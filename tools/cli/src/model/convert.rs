@@ -228,9 +228,7 @@ fn explained(
                 OutputUnit::Deg => format!("{} deg", config.command.max_step_deg),
                 OutputUnit::Mm => format!("{} counts", config.command.max_step_counts),
             };
-            format!(
-                "; more than {step} in one tick: smooth it, or lift the limits with --no-limits"
-            )
+            format!("; more than {step} in a tick: smooth it, or lift the limits with --no-limits")
         }
         _ => String::new(),
     };
