@@ -109,8 +109,7 @@ fn check_kernel(report: &mut Report) {
     let release = version.split_whitespace().nth(2).unwrap_or("unknown");
     if starves_workers(release) {
         let found = "it can delay serial lines for seconds while a program computes";
-        let fix =
-            "update to Linux 6.18.45 or later; until then, run no other program during trials";
+        let fix = "update it (fixed in Linux 6.18.45); until then, compute nothing during trials";
         report.warn("kernel", format!("{release}: {found}"), fix);
     }
     if real_time || version.contains("PREEMPT_RT") {
@@ -120,8 +119,9 @@ fn check_kernel(report: &mut Report) {
     report.warn("kernel", format!("{release}, not real-time"), fix);
 }
 
-/// Linux with commit 6d71a9c61604 but without its revert, 101f3498b4bd: workers of the kernel, which
-/// deliver what a serial line received, wait while a group of processes sleeps and wakes.
+/// Linux with commit 6d71a9c61604, before its revert 101f3498b4bd: workers of the kernel that
+/// deliver what a serial line received wait while a group of processes computes. A distribution may
+/// have the revert under an earlier number.
 fn starves_workers(release: &str) -> bool {
     let mut numbers = release.split(|c: char| !c.is_ascii_digit()).map(|text| text.parse().ok());
     let version: [u32; 3] = std::array::from_fn(|_| numbers.next().flatten().unwrap_or(0));
