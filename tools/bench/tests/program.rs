@@ -13,7 +13,7 @@ fn text(bytes: &[u8]) -> String {
 fn bench(arguments: &[&str]) -> serde_json::Value {
     let words = [&["bench"], arguments, &["--json", "--priority", "0"]].concat();
     let mut output = program::output(&words);
-    // The kernel may deliver nothing on any pseudo-terminal for seconds.
+    // Linux 6.13 to 6.18.44 may deliver nothing on any pseudo-terminal for seconds.
     if ["homing failed", "busy", "no reply"].iter().any(|it| text(&output.stderr).contains(it)) {
         output = program::output(&words);
     }

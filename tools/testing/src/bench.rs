@@ -114,7 +114,7 @@ pub fn end(program: Program) -> Ended {
 #[track_caller]
 pub fn succeeds(domain: &Domain, words: &str) -> String {
     let mut result = run(domain, words);
-    // Linux up to 6.18.44 may deliver nothing on any pseudo-terminal for seconds.
+    // Linux 6.13 to 6.18.44 may deliver nothing on any pseudo-terminal for seconds.
     if result.error.contains("did not reach the requested state in time") {
         run(domain, "command state acknowledge");
         result = run(domain, words);

@@ -321,7 +321,7 @@ const FAR_COUNTS: u32 = 3000;
 /// Disables real-time scheduling, and makes limits tolerate the stalls of a shared machine.
 fn run_on_shared_machine(config: &mut Config) {
     config.control.priority = 0;
-    // Linux up to 6.18.44 delivers bytes of pseudo-terminals seconds late on a busy machine.
+    // Linux 6.13 to 6.18.44 delivers bytes of pseudo-terminals seconds late under load.
     config.limits.feedback_stale_ms = 5000;
     for port in &mut config.ports {
         // The longest permitted: on a loaded machine an emulated drive may answer late, five

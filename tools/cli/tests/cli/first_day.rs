@@ -171,7 +171,7 @@ impl FirstDay {
         if result.error.contains("motor over-current for too long") {
             ends(self.start("command state acknowledge"), 0, &[]);
             ends(self.start("enable"), 0, &[]);
-            let _kept = ["take.csv", "take.toml"].map(|it| fs::remove_file(self.bench.path(it)));
+            let _removed = ["take.csv", "take.toml"].map(|it| fs::remove_file(self.bench.path(it)));
             result = end(self.start(words));
         }
         assert_eq!(result.code, Some(0), "{words}: {}{}", result.output, result.error);
