@@ -93,6 +93,13 @@ impl Situation {
         }
     }
 
+    /// Promised output error of an inverse, counts.
+    pub fn may_miss(&self, found: &MotorVec) -> f64 {
+        let present = self.present();
+        let stays = (0..self.model.motors()).any(|it| (found[it] - present[it]).abs() < 1e-6);
+        self.promise.inverse[0] + self.promise.rounding * f64::from(stays)
+    }
+
     /// The memory after motion in steps.
     pub fn after(&self, path: &[MotorVec]) -> Memory {
         memory_after(&self.model, &in_steps(path, 10.0))

@@ -11,9 +11,8 @@ use i2ris::drive::capture::file::{from_bytes, to_bytes};
 use i2ris::drive::capture::{CapturedPort, LineEvent, Outcome};
 use i2ris::drive::event::{PortEvent, PortEventKind};
 use i2ris::drive::link::replay::replay;
-use i2ris::drive::{
-    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, DriveError, Port, PortRunner,
-};
+use i2ris::drive::{AxisFeedback, AxisLink, AxisPhase, AxisRequest};
+use i2ris::drive::{Demand, DriveError, Port, PortRunner};
 use i2ris::units::{Counts, Nanos};
 
 pub use line::{

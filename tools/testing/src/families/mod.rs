@@ -91,6 +91,8 @@ pub struct Promise {
     pub compensates: bool,
     /// Error of outputs and counts of an inverse; infinite where a gap makes other counts as good.
     pub inverse: [f64; 2],
+    /// Further error of outputs where a motor stays: it crosses no gap for half a count.
+    pub rounding: f64,
     /// Difference between a pose computed with its slope and one computed alone, rad.
     pub shared: f64,
     /// Relative difference between Jacobian and finite differences.
@@ -113,6 +115,7 @@ impl Promise {
         has_gap: false,
         compensates: false,
         inverse: [0.05, 0.1],
+        rounding: 0.0,
         shared: 1e-12,
         slope: 1e-6,
         stays: 0.05,

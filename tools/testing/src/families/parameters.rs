@@ -2,9 +2,8 @@
 
 use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile, PolynomialParameters};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use i2ris::model::hysteresis::force_balance::{
-    BalanceMotor, BalanceParameters, BalanceStop, CREEPING, USUAL_TURN,
-};
+use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters};
+use i2ris::model::hysteresis::force_balance::{BalanceStop, CREEPING, USUAL_TURN};
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
 use i2ris::model::network::{Activation, Layer, NetworkParameters};
 use proptest::collection::vec;

@@ -5,10 +5,8 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::network::Activation;
 use proptest::prelude::*;
 
-use super::parameters::{
-    averages, balance_family, balances, conv, gru, gru_of, lstm, network_file, plays, residual,
-    some_balance,
-};
+use super::parameters::{averages, balance_family, balances, conv, gru, gru_of, lstm};
+use super::parameters::{network_file, plays, residual, some_balance};
 use super::samples::{REACH, SmoothMap, affine, file, region, smooth_gmr, square, two_by_two};
 use super::{Promise, Sample};
 use crate::cycle::{GAIN_DEG, HULL, balance_model, fitted_model, model, play_model};
@@ -118,6 +116,7 @@ pub fn force_balance() -> Sample {
     let promise = Promise {
         compensates: false,
         inverse: [0.02, f64::INFINITY],
+        rounding: 1.0,
         // A search that ends at other iterates; one count is 3e-4 rad.
         shared: 2e-6,
         slope: 1e-3,

@@ -1,9 +1,8 @@
 //! Sample models, built from numbers, and random ones.
 
-use i2ris::model::file::{
-    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
-    OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
-};
+use i2ris::model::file::{FORMAT, FamilyParameters, FitMetrics, HullParameters};
+use i2ris::model::file::{MixtureParameters, ModelFile, OutputMetrics, OutputSpec};
+use i2ris::model::file::{OutputUnit, SCHEMA_VERSION, TrainingRecord};
 use i2ris::model::{Memory, Model};
 use i2ris::units::MotorVec;
 use proptest::prelude::*;
