@@ -33,16 +33,13 @@ fn run_session(bench: &mut Bench, second: &Arc<Model>) {
     });
 }
 
-/// A recorded session, with the snapshots selected by `keep`.
-fn recorded(keep: impl Fn(usize) -> bool) -> BlackBox {
+/// A recorded session, with the snapshots after those ticks.
+fn recorded(keeps: fn(usize) -> bool) -> BlackBox {
     let (first, second) = (standard_model(), scaled_standard_model(1.2));
     let mut bench = Bench::new(config(""), Some(Arc::clone(&first)));
-    bench.recording = Some(Recording::default());
+    bench.recording = Some(Recording::keeping(keeps));
     run_session(&mut bench, &second);
-    let mut content = bench.black_box(&first);
-    let mut number = 0..;
-    content.snapshots.retain(|_| number.next().is_some_and(&keep));
-    content
+    bench.black_box(&first)
 }
 
 pub fn through_file(content: &BlackBox) -> BlackBox {
@@ -60,7 +57,7 @@ fn assert_replayed(content: &BlackBox) {
 
 #[test]
 fn every_tick_is_replayed_bit_for_bit_from_file() {
-    let content = through_file(&recorded(|number| number == 0));
+    let content = through_file(&recorded(|ticks| ticks == 1));
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
     // The first snapshot comes after the first tick.
@@ -106,9 +103,7 @@ fn adaptation_is_replayed_through_swap_rollback_and_fault() {
     let (first, second) = (standard_model(), scaled_standard_model(1.1));
     let mut bench = Bench::new(config("[adaptation]\nenabled = true"), Some(Arc::clone(&first)));
     bench.camera = Some([0.008, -0.006]);
-    let mut recording = Recording::default();
-    recording.interval = 3001;
-    bench.recording = Some(recording);
+    bench.recording = Some(Recording::keeping(|ticks| ticks.is_multiple_of(3001)));
     run_adapting_session(&mut bench, &second);
     let content = bench.black_box(&first);
     let adapted = content.ticks.iter().filter_map(|tick| {
@@ -134,9 +129,7 @@ fn creep_during_hold_is_replayed_bit_for_bit() {
     };
     let (first, second) = (creeping(1.0), creeping(1.01));
     let mut bench = Bench::new(config(""), Some(Arc::clone(&first)));
-    let mut recording = Recording::default();
-    recording.interval = 901;
-    bench.recording = Some(recording);
+    bench.recording = Some(Recording::keeping(|ticks| ticks.is_multiple_of(901)));
     bench.home();
     bench.enable();
     bench.carry_out(StateCommand::Condition);
@@ -159,7 +152,7 @@ fn creep_during_hold_is_replayed_bit_for_bit() {
 
 #[test]
 fn replay_can_start_anywhere_and_resume_after_gap() {
-    let mut content = recorded(|number| number % 250 == 137);
+    let mut content = recorded(|ticks| ticks % 250 == 138);
     content.ticks.drain(1000..1010);
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
@@ -169,12 +162,12 @@ fn replay_can_start_anywhere_and_resume_after_gap() {
 
 #[test]
 fn the_first_difference_is_named() {
-    let mut content = recorded(|number| number == 0);
+    let mut content = recorded(|ticks| ticks == 1);
     content.ticks[700].inputs.feedback[0].position.0 += 1;
     let difference = replay(&content).unwrap().difference.expect("a count more is a difference");
     assert_eq!(difference.number, content.ticks[700].number);
     assert_ne!(difference.recorded, difference.replayed);
-    let mut content = recorded(|number| number == 0);
+    let mut content = recorded(|ticks| ticks == 1);
     content.ticks[900].outputs.report.since = Nanos(1);
     let difference = replay(&content).unwrap().difference.unwrap();
     assert_eq!((difference.number, difference.field), (content.ticks[900].number, "report"));
@@ -182,7 +175,7 @@ fn the_first_difference_is_named() {
 
 #[test]
 fn a_missing_model_or_snapshot_is_an_error() {
-    let mut content = recorded(|number| number == 0);
+    let mut content = recorded(|ticks| ticks == 1);
     content.models.clear();
     assert!(matches!(replay(&content), Err(ReplayError::NoModel(_))));
     assert!(matches!(replay(&recorded(|_| false)), Err(ReplayError::NoSnapshot)));

@@ -1,9 +1,8 @@
 //! Invariants that hold in every tick, for any inputs; and ticks recorded as the black box does.
 
 use i2ris::config::Config;
-use i2ris::core::{
-    CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleSnapshot, ModelCandidate,
-};
+use i2ris::core::ModelCandidate;
+use i2ris::core::{CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleSnapshot};
 use i2ris::drive::{AxisPhase, AxisRequest, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 use i2ris::model::Model;
@@ -157,18 +156,22 @@ fn check_numbers(outputs: &CycleOutputs) {
     assert!(joint.deviation.iter().all(|value| value.is_finite() && *value >= 0.0), "{joint:?}");
 }
 
-#[derive(Default)]
 pub struct Recording {
     pub ticks: Vec<TickRecord>,
     pub snapshots: Vec<CycleSnapshot>,
-    /// Ticks from snapshot to snapshot; 0: in every tick.
-    pub interval: usize,
+    /// Selects the ticks whose snapshot is kept: a copy takes longer than a tick.
+    pub(super) keeps: fn(usize) -> bool,
     pub offers: Vec<OfferRecord>,
     pub models: Vec<Vec<u8>>,
     offered: Option<u64>,
 }
 
 impl Recording {
+    pub fn keeping(keeps: fn(usize) -> bool) -> Self {
+        let (ticks, snapshots, offers, models) = Default::default();
+        Self { ticks, snapshots, keeps, offers, models, offered: None }
+    }
+
     pub(super) fn push(
         &mut self,
         now: Nanos,
@@ -180,8 +183,7 @@ impl Recording {
         let timing = TickTiming { tick, ended: now };
         let (number, offered) = (outputs.requests[0].sequence, self.offered.take());
         self.ticks.push(TickRecord { number, offered, inputs: *inputs, outputs: *outputs, timing });
-        let is_due = self.ticks.len().is_multiple_of(self.interval.max(1));
-        self.snapshots.extend(snapshot.filter(|_| is_due));
+        self.snapshots.extend(snapshot);
     }
 
     fn keep(&mut self, model: &Model) {

@@ -7,14 +7,11 @@ use std::sync::{Arc, LazyLock};
 use i2ris::config::{AxisConfig, Config};
 use i2ris::core::{ExternalPose, FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 use i2ris::model::Model;
-use i2ris::model::file::{
-    FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputUnit,
-    PolynomialParameters,
-};
+use i2ris::model::file::{FamilyParameters, FitMetrics, HullParameters, MixtureParameters};
+use i2ris::model::file::{ModelFile, OutputUnit, PolynomialParameters};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use i2ris::model::hysteresis::force_balance::{
-    BalanceMotor, BalanceParameters, BalanceStop, CREEPING, USUAL_TURN,
-};
+use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters};
+use i2ris::model::hysteresis::force_balance::{BalanceStop, CREEPING, USUAL_TURN};
 use i2ris::units::{Counts, Nanos, OutputVec};
 use toml::{Table, Value};
 
