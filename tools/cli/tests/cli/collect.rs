@@ -6,9 +6,8 @@ use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand};
 use i2ris::{clock, config::Config, ipc::client::ExternalPublisher};
 use i2ris::{model::Model, process::robot_description, units::Nanos};
 use i2ris_calibration::recording::{ColumnMap, Recording};
-use i2ris_testing::bench::{
-    WorkFolder, assert_says, ends, expect_stalls, interrupt, start, succeeds,
-};
+use i2ris_testing::bench::{WorkFolder, assert_says, ends};
+use i2ris_testing::bench::{expect_stalls, interrupt, start, succeeds};
 use i2ris_testing::{Background, Controller, Program, Rig, wait_until};
 use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::{drawing::save_grey, scene_setup::setup};
@@ -300,8 +299,10 @@ fn recording_gives_a_model_from_angles_and_from_images() {
     let sidecar: serde_json::Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(sidecar["outcome"]["complete"], true, "{printed}");
     assert_eq!(sidecar["robot_id"], "rig");
-    // The emulated camera stamps the exposure, so there is no latency to find.
-    assert!(sidecar["latency"]["estimate_ms"].as_f64().unwrap().abs() < 15.0, "{printed}");
+    // The emulated camera stamps the exposure, so there is no latency to find; gaps may hide that.
+    let has_gaps = sidecar["flags"].as_array().is_some_and(|flags| !flags.is_empty());
+    let late_ms = sidecar["latency"]["estimate_ms"].as_f64();
+    assert!(late_ms.map_or(has_gaps, |late| late.abs() < 15.0), "{printed}");
 
     let recording = whole.recording("take.csv");
     let (rows, path) = (recording.rows().len(), recording.path());

@@ -5,9 +5,8 @@ use std::sync::atomic::Ordering;
 use i2ris::ipc::{Fault, MaskedClientId, OperatingState, Refusal, StateCommand};
 use i2ris::robot::{Cause, Reason};
 use i2ris::{clock, units::Nanos};
-use i2ris_testing::bench::{
-    WorkFolder, assert_says, end, ends, expect_stalls, fails, interrupt, start, succeeds,
-};
+use i2ris_testing::bench::{WorkFolder, assert_says, end, ends, expect_stalls};
+use i2ris_testing::bench::{fails, interrupt, start, succeeds};
 use i2ris_testing::{Controller, Rig, Terminal, unique_domain, wait_until};
 
 /// Checks that each accepted pose is within `speed_deg_s` of the previous one, by their stamps.

@@ -9,10 +9,8 @@ use i2ris::ipc::{payload::OperatingStateMsg, watchdog_presence::WatchdogStatus};
 use i2ris::{clock, units::Nanos};
 use i2ris_simulation::Injection;
 use i2ris_testing::bench::{assert_says, ends, fails, robot, run, start, succeeds};
-use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, has};
-use i2ris_testing::{
-    home_and_enable, program, unique_domain, wait_for, wait_until, wait_until_holding,
-};
+use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, has, home_and_enable, program};
+use i2ris_testing::{unique_domain, wait_for, wait_until, wait_until_holding};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
@@ -102,6 +100,8 @@ fn stop_holds_every_client_ends_motion_and_reports_it() {
         }
     }
     assert!(named);
+    // A `hold` holds every other client for a second.
+    clock::sleep(Nanos::from_millis(1100));
     client.move_jp(&[0.15, 0.0]).unwrap();
     succeeds(&domain, "stop");
     let state = wait_until_holding(&mut client);
