@@ -15,16 +15,14 @@ use crate::core::drift::geometry::ModelGeometry;
 use crate::core::motion::GoalStep;
 use crate::core::motion::joint_filter::JointFilter;
 use crate::core::motion::joint_limits::JointBounds;
-use crate::core::motion::pipeline::{
-    BacklashDeadBand, Outputs, PassedGoal, Pipeline, PipelineTick,
-};
+use crate::core::motion::pipeline::{BacklashDeadBand, Outputs, PassedGoal};
+use crate::core::motion::pipeline::{Pipeline, PipelineTick};
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
-use crate::model::{
-    Estimate, History, Inverse, JacobianMatrix, Memory, MemoryTerms, Model, Query, Reach,
-};
+use crate::model::{Estimate, History, Inverse, JacobianMatrix, Memory};
+use crate::model::{MemoryTerms, Model, Query, Reach};
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
 use memory::rate;
 use position_history::{HistoryCursor, PositionHistory};
