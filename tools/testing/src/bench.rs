@@ -114,8 +114,9 @@ pub fn end(program: Program) -> Ended {
 #[track_caller]
 pub fn succeeds(domain: &Domain, words: &str) -> String {
     let mut result = run(domain, words);
-    // Linux 6.13 to 6.18.44 may deliver nothing on any pseudo-terminal for seconds.
-    if result.error.contains("did not reach the requested state in time") {
+    // A busy computer; Linux 6.13 to 6.18.44 may deliver nothing on a pseudo-terminal for seconds.
+    let delayed = ["did not reach the requested state in time", "refusal 2: stale"];
+    if delayed.iter().any(|it| result.error.contains(it)) {
         run(domain, "command state acknowledge");
         result = run(domain, words);
     }

@@ -10,10 +10,8 @@ use i2ris::ipc::payload::{
     VirtualFixturesMsg, padded_text,
 };
 use i2ris::ipc::server::ReceivedCommand;
-use i2ris::ipc::{
-    Domain, Fault, ModelAction, OperatingState, Refusal, Request, Server, StateCommand,
-    StreamMessage,
-};
+use i2ris::ipc::{Domain, Fault, ModelAction, OperatingState, Refusal, Request};
+use i2ris::ipc::{Server, StateCommand, StreamMessage};
 use i2ris::model::ModelId;
 use i2ris::robot::Reason;
 use i2ris::units::Nanos;
