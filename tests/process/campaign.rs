@@ -120,7 +120,7 @@ impl Scene {
             Subject::Controller | Subject::Watchdog => None,
             Subject::Ros => start("i2ris-ros", &["--command"]),
             Subject::Recorder => start("i2ris-record", &["--output", "all.mcap"]),
-            Subject::Monitor => start("i2ris-monitor", &[]),
+            Subject::Monitor => start("i2ris-status", &["--watch"]),
         }
     }
 
