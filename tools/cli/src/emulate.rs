@@ -8,9 +8,8 @@ use i2ris::config::{Config, PortConfig};
 use i2ris::{clock, ipc::Domain, units::Nanos};
 use i2ris_report::{Failure, Interrupt, Screen};
 use i2ris_simulation::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Line, Scenario};
-use i2ris_simulation::{
-    SnakeSource, Snapshot, camera::CameraConfig, drive::DeviceFile, physics::Physics,
-};
+use i2ris_simulation::{SnakeSource, Snapshot, camera::CameraConfig};
+use i2ris_simulation::{drive::DeviceFile, physics::Physics};
 
 use crate::numbers::{seconds, within};
 

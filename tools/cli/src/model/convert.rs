@@ -10,9 +10,8 @@ use i2ris::{core::ServoGoal, ipc::Refusal};
 use i2ris_calibration::recording::{ColumnMap, Row, TimeColumn, Wanted};
 use i2ris_report::Failure;
 use i2ris_report::statistics::{distance, interpolate};
-use i2ris_simulation::closed_loop::{
-    ClosedLoop, IdealMotors, LoopError, start_position, without_limits,
-};
+use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, LoopError};
+use i2ris_simulation::closed_loop::{start_position, without_limits};
 use serde::Serialize;
 
 use super::{check_output, counts_columns, history, output_columns, si};

@@ -100,8 +100,7 @@ fn stop_holds_every_client_ends_motion_and_reports_it() {
         }
     }
     assert!(named);
-    // A `hold` holds every other client for a second.
-    clock::sleep(Nanos::from_millis(1100));
+    clock::sleep(Nanos::from_millis(1100)); // A `hold` holds every other client for a second.
     client.move_jp(&[0.15, 0.0]).unwrap();
     succeeds(&domain, "stop");
     let state = wait_until_holding(&mut client);
