@@ -114,7 +114,7 @@ pub fn end(program: Program) -> Ended {
 #[track_caller]
 pub fn succeeds(domain: &Domain, words: &str) -> String {
     let mut result = run(domain, words);
-    // A busy computer; Linux 6.13 to 6.18.44 may deliver nothing on a pseudo-terminal for seconds.
+    // A busy computer is late; Linux 6.13 to 6.18.44 may deliver nothing for seconds.
     let delayed = ["did not reach the requested state in time", "refusal 2: stale"];
     if delayed.iter().any(|it| result.error.contains(it)) {
         run(domain, "command state acknowledge");

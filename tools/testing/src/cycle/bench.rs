@@ -132,8 +132,8 @@ impl Bench {
         let retired = self.cycle.take_retired();
         // Once per second, as the controller, if nothing records.
         let is_second = self.out.requests[0].sequence.is_multiple_of(1000);
-        let at = |it: &Recording| (it.keeps)(it.ticks.len() + 1);
-        let is_due = self.recording.as_ref().map_or(is_second, at);
+        let keeps = |it: &Recording| (it.keeps)(it.ticks.len() + 1);
+        let is_due = self.recording.as_ref().map_or(is_second, keeps);
         let snapshot = is_due.then(|| self.cycle.snapshot()).flatten();
         self.probed += (self.probe)() - before;
         drop(retired);
