@@ -131,7 +131,7 @@ fn largest_shift(drift: &Drift, geometry: &ModelGeometry, reach: &Reach) -> f64 
     // The motion of the last minute may have been small.
     let worn = drift.worn();
     let at_corner = |secants: &[Pair; WORN]| {
-        let moved = secants.iter().zip(worn).map(|(secant, worn)| secant.map(|part| worn * part));
+        let moved = secants.iter().zip(worn).map(|([x, y], worn)| [worn * x, worn * y]);
         length(moved.fold([0.0; 2], add))
     };
     let at_corners = geometry.wear_at_corners.iter().map(at_corner).fold(0.0, f64::max);

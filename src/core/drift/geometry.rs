@@ -101,8 +101,8 @@ pub(in crate::core) fn pair<const N: usize>(values: &[f64; N]) -> Pair {
     [at(0), at(1)]
 }
 
-pub(in crate::core) fn product(matrix: &[Pair; 2], vector: Pair) -> Pair {
-    matrix.map(|[a, b]| a * vector[0] + b * vector[1])
+pub(in crate::core) fn product([[a, b], [c, d]]: &[Pair; 2], vector: Pair) -> Pair {
+    [a * vector[0] + b * vector[1], c * vector[0] + d * vector[1]]
 }
 
 pub(in crate::core) fn inverse([[a, b], [c, d]]: &[Pair; 2]) -> Option<[Pair; 2]> {

@@ -20,6 +20,7 @@ use hull::MAX_COUNTS;
 
 /// Exponential of a number up to 0; 0 below `least`; NaN for NaN. Computed by `libm` instead of the
 /// system library: it gives the same bits everywhere.
+#[inline]
 pub(in crate::model) fn exp_above(x: f64, least: f64) -> f64 {
     if x < least { 0.0 } else { libm::exp(x) }
 }
@@ -68,15 +69,13 @@ pub(in crate::model) fn bounded(counts: &MotorVec) -> MotorVec {
 }
 
 /// Converts the first entries of an array to a vector.
+#[inline]
 pub(in crate::model) fn vector<const N: usize>(array: &[f64]) -> SVector<f64, N> {
-    let mut vector = SVector::<f64, N>::zeros();
-    for (to, from) in vector.iter_mut().zip(array) {
-        *to = *from;
-    }
-    vector
+    SVector::from_fn(|i, _| array.get(i).copied().unwrap_or_default())
 }
 
 /// Converts a vector to an array of fixed size, padded with 0.
+#[inline]
 pub(in crate::model) fn array<const N: usize, const F: usize>(
     vector: &SVector<f64, N>,
 ) -> [f64; F] {

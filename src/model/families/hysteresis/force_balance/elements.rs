@@ -114,7 +114,7 @@ impl Stop {
             deflection: end.deflection - rest,
             by_moved: rest / end.deflection,
             by_from: left * start.by_from + of_end * end.by_from,
-            by_ends: [0, 1].map(|i: usize| left * start.by_ends[i] + of_end * end.by_ends[i]),
+            by_ends: both(|i| left * start.by_ends[i] + of_end * end.by_ends[i]),
             by_stays: left * start.by_stays + of_end * end.by_stays,
         }
     }
@@ -129,7 +129,7 @@ impl Stop {
     ) -> HeldInPlane {
         let reach = self.reach * limit;
         if !self.yields {
-            return within(std::array::from_fn(|i| from[i] + moved[i]), reach);
+            return within(both(|i| from[i] + moved[i]), reach);
         }
         let start = within(from, reach);
         let way = length(moved);
@@ -137,23 +137,28 @@ impl Stop {
         if !holds || way <= 0.0 {
             return HeldInPlane { by_moved: if holds { IDENTITY } else { NOTHING }, ..start };
         }
-        let along = moved.map(|part| part / way);
+        let along = both(|i| moved[i] / way);
         let left = exp_above(-way / reach, MIN_EXPONENT);
         let across = reach * (1.0 - left) / way;
-        let rest: [f64; 2] =
-            std::array::from_fn(|i| (start.deflection[i] - reach * along[i]) * left);
+        let rest = both(|i| (start.deflection[i] - reach * along[i]) * left);
         let by_moved = |i: usize, j: usize| {
             across * (IDENTITY[i][j] - along[i] * along[j]) - rest[i] / reach * along[j]
         };
         HeldInPlane {
-            deflection: std::array::from_fn(|i| reach * along[i] + rest[i]),
-            by_moved: std::array::from_fn(|i| std::array::from_fn(|j| by_moved(i, j))),
-            by_from: start.by_from.map(|row| row.map(|part| left * part)),
-            by_reach: std::array::from_fn(|i| {
+            deflection: both(|i| reach * along[i] + rest[i]),
+            by_moved: both(|i| both(|j| by_moved(i, j))),
+            by_from: both(|i| both(|j| left * start.by_from[i][j])),
+            by_reach: both(|i| {
                 (1.0 - left) * along[i] + rest[i] * way / (reach * reach) + left * start.by_reach[i]
             }),
         }
     }
+}
+
+/// What `map` and `from_fn` do: a crate built in parts calls those, which doubles the time of a step.
+#[inline(always)]
+pub(super) fn both<T>(of: impl Fn(usize) -> T) -> [T; 2] {
+    [of(0), of(1)]
 }
 
 /// Deflections are far from where squares overflow, and `hypot` takes ten times as long.
@@ -170,7 +175,7 @@ fn within(at: [f64; 2], reach: f64) -> HeldInPlane {
         let by_reach = [0.0; 2];
         return HeldInPlane { deflection: at, by_moved: IDENTITY, by_from: IDENTITY, by_reach };
     }
-    let [x, y] = at.map(|part| part / length);
+    let [x, y] = both(|i| at[i] / length);
     let share = reach / length;
     let slope = [[share * y * y, -share * x * y], [-share * x * y, share * x * x]];
     HeldInPlane {

@@ -188,8 +188,8 @@ impl<const D: usize> ForceBalance<D> {
 
     fn travel(&self, pulleys: &SVector<f64, D>) -> SVector<f64, D> {
         let mut travel = self.coupling * pulleys;
-        for (travel, motor) in travel.iter_mut().zip(&self.motors) {
-            *travel -= motor.neutral;
+        for i in 0..D {
+            travel[i] -= self.motors[i].neutral;
         }
         travel
     }

@@ -46,14 +46,14 @@ impl<const D: usize> ForceBalance<D> {
             let mut force = motor.spring * bend[i] * (by_other + hardened);
             let mut slope = motor.spring * (by_other + 3.0 * hardened);
             if self.has_creep {
-                for (crept, late) in state.crept[i].iter().zip(limits.late) {
-                    force += late * (bend[i] - crept);
+                for (k, late) in limits.late.iter().enumerate() {
+                    force += late * (bend[i] - state.crept[i][k]);
                     slope += late;
                 }
             }
             let moved = bend[i] - state.bend[i];
-            for (deflection, stop) in state.own[i].iter().zip(&self.own) {
-                let held = stop.moved(*deflection, moved, limits.own[i], limits.stays);
+            for (k, stop) in self.own.iter().enumerate() {
+                let held = stop.moved(state.own[i][k], moved, limits.own[i], limits.stays);
                 force += stop.stiffness * held.deflection;
                 slope += stop.stiffness * held.by_moved;
             }
@@ -75,12 +75,12 @@ impl<const D: usize> ForceBalance<D> {
     ) {
         let last = D - 1;
         let moved = [bend[0] - state.bend[0], bend[last] - state.bend[last]];
-        for (deflection, stop) in state.shared.iter().zip(self.shared_stops()) {
-            let held = stop.moved_in_plane(*deflection, moved, limits.shared);
-            for (i, row) in [0, last].into_iter().enumerate() {
-                found.force[row] += stop.stiffness * held.deflection[i];
-                for (j, column) in [0, last].into_iter().enumerate() {
-                    found.slope[(row, column)] += stop.stiffness * held.by_moved[i][j];
+        for (k, stop) in self.shared_stops().iter().enumerate() {
+            let held = stop.moved_in_plane(state.shared[k], moved, limits.shared);
+            for i in 0..2 {
+                found.force[i * last] += stop.stiffness * held.deflection[i];
+                for j in 0..2 {
+                    found.slope[(i * last, j * last)] += stop.stiffness * held.by_moved[i][j];
                 }
             }
         }

@@ -3,9 +3,9 @@
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
-use super::ForceBalance;
-use super::elements::Wires;
+use super::elements::{Wires, both};
 use super::parameters::{CREEPING, OWN_STOPS, REACH, SHARED_STOPS, TIMES_S};
+use super::{ForceBalance, vector};
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// Factors on friction stay above this, however far a snake is bent.
@@ -106,7 +106,7 @@ impl<const D: usize> ForceBalance<D> {
 
     /// Preload and limits for a step from a state, in no time.
     pub(super) fn limits(&self, state: &BalanceState) -> Limits<D> {
-        let relative: [f64; D] = std::array::from_fn(|i| grown(state.bend[i]));
+        let relative = vector::<D>(&state.bend).map(grown);
         let mut limits = Limits {
             preload: [[0.0; 2]; D],
             own: [[0.0; 2]; D],
@@ -124,23 +124,20 @@ impl<const D: usize> ForceBalance<D> {
                 motor.preload_growth * own * own + motor.preload_growth_by_other * across * across;
             limits.hardened[i] = motor.hardening_by_other * across * across;
             let slack = motor.slack() * (scale - 1.0) + state.slack[i];
-            limits.preload[i] = motor.preload.map(|preload| preload - slack + growth);
+            limits.preload[i] = both(|side| motor.preload[side] - slack + growth);
             let [plus, minus] = state.tension[i];
             let load = motor.friction_by_tension[0] * plus + motor.friction_by_tension[1] * minus;
-            let other = if D > 1 {
-                motor.friction_by_other * state.tension[D - 1 - i].iter().sum::<f64>()
-            } else {
-                0.0
-            };
+            let other: f64 = if D > 1 { state.tension[D - 1 - i].iter().sum() } else { 0.0 };
             let [own_growth, other_growth] = motor.friction_growth;
             let pose = 1.0
                 + own_growth * own.abs()
                 + other_growth * across.abs()
                 + motor.friction_slope * own;
             let factor = scale * pose.max(MIN_FACTOR);
-            let friction = (motor.friction + load + other).max(0.0) * factor;
-            limits.own[i] = [-motor.friction_asymmetry, motor.friction_asymmetry]
-                .map(|sense| friction * (1.0 + sense).max(MIN_FACTOR));
+            let friction =
+                (motor.friction + load + motor.friction_by_other * other).max(0.0) * factor;
+            let senses = [-motor.friction_asymmetry, motor.friction_asymmetry];
+            limits.own[i] = both(|side| friction * (1.0 + senses[side]).max(MIN_FACTOR));
             base += scale * motor.friction / D as f64;
             squared_load += (load * factor).powi(2);
         }
@@ -173,26 +170,25 @@ impl<const D: usize> ForceBalance<D> {
         travel: &SVector<f64, D>,
         bend: &SVector<f64, D>,
     ) {
+        let moved_in_plane = both(|i| bend[i.min(D - 1)] - state.bend[i]);
         for i in 0..D {
             let moved = bend[i] - state.bend[i];
-            for (deflection, stop) in state.own[i].iter_mut().zip(&self.own) {
-                let held = stop.moved(*deflection, moved, limits.own[i], limits.stays);
-                *deflection = held.deflection;
+            for (k, stop) in self.own.iter().enumerate() {
+                let held = stop.moved(state.own[i][k], moved, limits.own[i], limits.stays);
+                state.own[i][k] = held.deflection;
             }
             state.tension[i] = self.wires(i, limits).tensions(travel[i] - bend[i]);
             let used_to = REACH * grown(bend[i]);
-            for (crept, passed) in state.crept[i].iter_mut().zip(limits.passed) {
-                *crept += passed * (used_to - *crept);
+            for (k, passed) in limits.passed.iter().enumerate() {
+                state.crept[i][k] += passed * (used_to - state.crept[i][k]);
             }
+            state.bend[i] = bend[i];
         }
         if D > 1 {
-            for (deflection, stop) in state.shared.iter_mut().zip(self.shared_stops()) {
-                let moved = std::array::from_fn(|i| bend[i.min(D - 1)] - state.bend[i]);
-                *deflection = stop.moved_in_plane(*deflection, moved, limits.shared).deflection;
+            for (k, stop) in self.shared_stops().iter().enumerate() {
+                let held = stop.moved_in_plane(state.shared[k], moved_in_plane, limits.shared);
+                state.shared[k] = held.deflection;
             }
-        }
-        for (state, bend) in state.bend.iter_mut().zip(bend.iter()) {
-            *state = *bend;
         }
     }
 }
