@@ -155,7 +155,7 @@ impl Stop {
     }
 }
 
-/// What `map` and `from_fn` do: a crate built in parts calls those, which doubles the time of a step.
+/// The same as `map` and `from_fn`, which are calls in a crate built in parts: a third of a step.
 #[inline(always)]
 pub(super) fn both<T>(of: impl Fn(usize) -> T) -> [T; 2] {
     [of(0), of(1)]
