@@ -23,10 +23,10 @@ use serde::de::DeserializeOwned;
 
 pub const ROBOT: &str = "i2ris";
 
-/// A robot that is neither homed nor enabled. Half the rate leaves time for six at once.
+/// A robot neither homed nor enabled, at a rate and a deadline that leave six at once enough time.
 pub fn robot() -> Rig {
     let mut rig = Rig::with_model();
-    rig.config.control.rate_hz = 500;
+    (rig.config.control.rate_hz, rig.config.command.deadline_ms) = (500, 400);
     rig.start_controller_thread();
     wait_until_idle(&mut rig.client());
     rig
