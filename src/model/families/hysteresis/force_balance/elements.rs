@@ -155,7 +155,7 @@ impl Stop {
     }
 }
 
-/// The same as `map` and `from_fn`, which are calls in a crate built in parts: a third of a step.
+/// Inlined, unlike `map` and `from_fn`: in a crate built in parts those take a third of a step.
 #[inline(always)]
 pub(super) fn both<T>(of: impl Fn(usize) -> T) -> [T; 2] {
     [of(0), of(1)]
